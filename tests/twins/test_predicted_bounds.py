@@ -234,9 +234,9 @@ def compared(case: Case, flights: int) -> tuple[Prediction, dict[str, FloatArray
 def test_a_few_flights_state_what_was_predicted(case: Case) -> None:
     found, estimates, stated = compared(case, 2)
     for one in found.parameters:
-        assert one.std / found.inflation == pytest.approx(stated[one.name].mean(), rel=BAR)
+        assert one.std_random == pytest.approx(stated[one.name].mean(), rel=BAR)
         # Where the structure does not fit, the bias was predicted too.
-        assert estimates[one.name].mean() == pytest.approx(one.expected, abs=4.0 * one.std / found.inflation)
+        assert estimates[one.name].mean() == pytest.approx(one.expected, abs=4.0 * one.std_random)
 
 
 def test_records_windows_and_points_are_those_of_the_identification() -> None:
@@ -257,7 +257,7 @@ def test_records_windows_and_points_are_those_of_the_identification() -> None:
 def test_many_flights_achieve_what_was_predicted(case: Case) -> None:
     found, estimates, stated = compared(case, case.flights)
     for one in found.parameters:
-        assert one.std / found.inflation == pytest.approx(stated[one.name].mean(), rel=BAR)
+        assert one.std_random == pytest.approx(stated[one.name].mean(), rel=BAR)
         scatter = float(estimates[one.name].std(ddof=1))
         assert estimates[one.name].mean() == pytest.approx(one.expected, abs=0.5 * one.std + scatter)
         if len(found.response.outputs) == 1:
@@ -310,4 +310,4 @@ def test_sweeps_of_any_length_through_a_log_that_does_not_declare_them(duration_
         np.testing.assert_allclose(found.response.omega_rad_s, each.data.response.omega_rad_s, rtol=1e-3)
     for one in found.parameters:
         stated = [result_document(each).parameters[one.name].std_random for each in flown]
-        assert one.std / found.inflation == pytest.approx(np.mean(np.array(stated, dtype=np.float64)), rel=BAR)
+        assert one.std_random == pytest.approx(np.mean(np.array(stated, dtype=np.float64)), rel=BAR)

@@ -76,7 +76,10 @@ def design_command(
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
-    """Plan a test flight: what to fly, how long, how well it will measure, with a card for the pilot."""
+    """Plan a test flight: what to fly, how long, how well it will measure, with a card for the pilot.
+
+    Exit code 1 where no plan supports a model; the files are written, and findings give the reason.
+    """
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.flying.designs import design as plan_flights
     from rotorid.io.folders import making
@@ -104,6 +107,9 @@ def design_command(
         sys.stdout.write(to_json(document))
     elif not output.quiet:
         _print(document, choices, vehicle, made.folder, verbose=output.verbose)
+    supported = {predicted.model for plan in designed for predicted in plan.told if predicted.prediction is not None}
+    if any(predicted.model not in supported for plan in designed for predicted in plan.told):
+        raise typer.Exit(1)
 
 
 def _require_one_band(of_log: AutopilotSettings, plan: dict[str, Any]) -> None:
@@ -167,7 +173,8 @@ def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, p
     from rotorid.report.files import VEHICLE_FILE
 
     changes = [word for name, value in choices.changes.items() for word in ("--set", f"{name}={value:.6g}")]
-    flies = [str(folder / VEHICLE_FILE)] if choices.vehicle_changed else [*vehicle, *changes]
+    like = ["--like", choices.own.like] if choices.own is not None else []
+    flies = [str(folder / VEHICLE_FILE)] if choices.vehicle_changed else [*vehicle, *like, *changes]
     wind = choices.plan.wind
     words = ["rotorid", "simulate", *flies, "--plan", str(place / "plan.json")]
     if wind.speed_m_s:
@@ -184,7 +191,7 @@ def _print(
 ) -> None:
     from rotorid.cli.console import output_console
     from rotorid.plans.files import file_use
-    from rotorid.report.flight_card import RANDOM_ONLY
+    from rotorid.report.flight_card import WHOLE_ERROR
 
     console = output_console()
 
@@ -197,7 +204,7 @@ def _print(
         for prediction in plan.predictions:
             line(f"  {_accuracy(prediction)}")
         if any(not prediction.refused for prediction in plan.predictions):
-            line(f"  Expected errors are {RANDOM_ONLY}.")
+            line(f"  Expected errors are {WHOLE_ERROR}.")
         for found in plan.shortest:
             line(f"  {found.model}: {found.words}")
     if document.best:

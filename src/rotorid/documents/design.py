@@ -190,8 +190,9 @@ class TestInputDocument(Document):
 class PredictedParameterDocument(Document):
     """The predicted estimate of a parameter.
 
-    ``expected`` is the mean of the later estimates, ``std`` one standard deviation of the identification, ``percent``
-    the same relative to ``value``, ``lowest_std`` the lower bound for any estimate from the same test inputs.
+    ``expected`` is the mean of the later estimates, ``std`` one standard deviation that the identification will state,
+    ``percent`` the same relative to ``value``, ``std_random`` and ``std_model`` its parts, ``lowest_std`` the lower
+    bound for any estimate from the same test inputs.
     """
 
     value: float
@@ -199,6 +200,8 @@ class PredictedParameterDocument(Document):
     expected: float
     std: float
     percent: float | None
+    std_random: float
+    std_model: float
     lowest_std: float
     cramer_rao_percent: float | None
     insensitivity_percent: float | None
@@ -216,13 +219,15 @@ class PredictedResponseDocument(Document):
 class PredictionDocument(Document):
     """The prediction of a plan for a model; ``refused`` is the reason where the data do not support it.
 
-    ``inflation`` is the factor on standard deviations for a structure that does not fit the vehicle.
+    ``inflation`` is the factor on standard deviations that comes of model errors and clocks, in the geometric mean;
+    ``model_error`` what the structure misses in each response, relative.
     """
 
     model: str
     parameters: dict[str, PredictedParameterDocument] = Field(default_factory=dict)
     responses: dict[str, PredictedResponseDocument] = Field(default_factory=dict)
     inflation: float | None = None
+    model_error: dict[str, float] = Field(default_factory=dict)
     refused: str = ""
     findings: list[FindingDocument] = Field(default_factory=list)
 
@@ -352,7 +357,9 @@ def _plan_summary(designed: Designed, folder: str, files: Sequence[str]) -> Plan
 def _prediction(predicted: PlanPrediction) -> PredictionDocument:
     prediction = predicted.prediction
     if prediction is None:
-        return PredictionDocument(model=predicted.model, refused=predicted.refused)
+        return PredictionDocument(
+            model=predicted.model, refused=predicted.refused, findings=_findings(predicted.findings)
+        )
     return PredictionDocument(
         model=predicted.model,
         parameters={
@@ -362,6 +369,8 @@ def _prediction(predicted: PlanPrediction) -> PredictionDocument:
                 expected=parameter.expected,
                 std=parameter.std,
                 percent=finite(parameter.percent),
+                std_random=parameter.std_random,
+                std_model=parameter.std_model,
                 lowest_std=parameter.lowest_std,
                 cramer_rao_percent=finite(parameter.in_percent(parameter.cramer_rao)),
                 insensitivity_percent=finite(parameter.in_percent(parameter.insensitivity)),
@@ -374,6 +383,7 @@ def _prediction(predicted: PlanPrediction) -> PredictionDocument:
             for u, command in enumerate(prediction.response.inputs)
         },
         inflation=prediction.inflation,
+        model_error=dict(prediction.model_error),
         findings=_findings(prediction.findings),
     )
 

@@ -712,7 +712,15 @@ def named_vehicle(
     summary = f"identified: {', '.join(model.name for model in models)}; the rest is that of {own.like}"
     craft = own.aircraft
     return NamedVehicle(
-        entry=VehicleEntry(name=craft.name, summary=summary, source=craft.vehicle.source, make=lambda: craft),
+        # What sends set-points and logs answers stays, too, of a vehicle that is reached by these alone.
+        entry=VehicleEntry(
+            name=craft.name,
+            summary=summary,
+            source=craft.vehicle.source,
+            make=lambda: craft,
+            shown=None if base is None else base.shown,
+            interface=None if base is None else base.interface,
+        ),
         changes={key: value for key, value in known.items() if key not in UNITS},
         own=own,
         like=like if like in VEHICLES else None,

@@ -11,6 +11,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -22,8 +23,9 @@ from rotorid.data.display import listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, input_unit
 from rotorid.data.record import AXES
-from rotorid.errors import ModelError, UsageError, reason_of
+from rotorid.errors import InsufficientDataError, ModelError, UsageError, reason_of
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
+from rotorid.flying.rehearsals import Rehearsal, rehearsed
 from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.scope import INERTIAL
@@ -447,6 +449,11 @@ class PlanPrediction(Immutable):
     model: str
     prediction: Prediction | None
     refused: str = ""
+    findings: tuple[Finding, ...] = ()
+    """Of what is refused; a prediction has its own."""
+
+    def __post_init__(self) -> None:
+        self._set(findings=tuple(self.findings))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -647,14 +654,16 @@ def _designed(
     planned = plan_for(craft, replace(choices.plan, shape=kind))
     excited = as_flown(craft, tested(planned.plan, kind))
     predictions = []
+    logs = rehearsed(choices, planned.plan)
+    rehearsals = {model.name: Rehearsal.of(choices, model, logs) for model in models}
     for model in models:
         _PROGRESS.info(f"predicting errors of {model.name} after the {kind.replace('_', ' ')}")
-        predictions.append(_predict_plan(choices, craft, loop, model, excited))
+        predictions.append(_predict_plan(choices, craft, loop, model, excited, rehearsals[model.name]))
     return Designed(
         kind=kind,
         planned=planned,
         told=tuple(predictions),
-        shortest=_shortest(choices, craft, loop, models, kind, planned),
+        shortest=_shortest(choices, craft, loop, models, kind, planned, rehearsals),
         wanted={model.name: _wanted(choices, model) for model in models},
     )
 
@@ -674,28 +683,47 @@ def as_flown(craft: Aircraft, plan: FlightPlan) -> FlightPlan:
 def _outside(choices: DesignSettings, loop: LoopModel, model: LinearStructure) -> LoopModel:
     """A loop as the set-points of a response model show it."""
     outside = setpoint_loop(loop, model.inputs, sampled=choices.entry.interface is not None)
-    prior = choices.prior
-    return outside if prior is None else with_known(outside, prior.structure, prior.values)
+    earlier = choices.earlier
+    return outside if earlier is None else with_known(outside, earlier.structure, earlier.values)
 
 
 def _predict_plan(
-    choices: DesignSettings, craft: Aircraft, loop: LoopModel, model: LinearStructure, plan: FlightPlan
+    choices: DesignSettings,
+    craft: Aircraft,
+    loop: LoopModel,
+    model: LinearStructure,
+    plan: FlightPlan,
+    rehearsal: Rehearsal,
 ) -> PlanPrediction:
     try:
+        if rehearsal.refused is not None:
+            raise rehearsal.refused
         if answers_setpoints(model):
             prediction = predict_responses(
-                model, _believed(choices, model), _outside(choices, loop, model), plan, choices=choices.fit
+                model,
+                _believed(choices, model),
+                _outside(choices, loop, model),
+                plan,
+                choices=choices.fit,
+                rehearsed=rehearsal.bounds,
+                least_std=rehearsal.least_std,
             )
         else:
             prediction = predict(
-                model, expected_values(model, craft, choices.prior), loop, plan, choices=_fit(choices, model)
+                model,
+                expected_values(model, craft, choices.prior),
+                loop,
+                plan,
+                choices=_fit(choices, model),
+                known_errors=rehearsal.errors,
             )
     except (UsageError, ModelError):
         raise
     except Exception as failure:
         # What one model foretells, all others and the plan itself stand without.
         error = reason_of(failure, f"the prediction for {model.name}")
-        return PlanPrediction(model=model.name, prediction=None, refused=str(error))
+        findings = error.findings if isinstance(error, InsufficientDataError) else ()
+        return PlanPrediction(model=model.name, prediction=None, refused=str(error), findings=findings)
     return PlanPrediction(model=model.name, prediction=prediction)
 
 
@@ -706,6 +734,7 @@ def _shortest(
     models: Sequence[LinearStructure],
     kind: Shape,
     planned: Planned,
+    rehearsals: Mapping[str, Rehearsal],
 ) -> dict[str, Shortest]:
     """Shortest durations by model, with the amplitudes of the plan."""
     swept = [planned_input for planned_input in planned.plan.inputs if planned_input.shape == kind]
@@ -730,14 +759,21 @@ def _shortest(
                 shortest_s=_SHORTEST_S,
                 longest_s=_LONGEST_FLIGHT_S,
                 choices=choices.fit if answers else _fit(choices, model),
-                foretell=predict_responses if answers else predict,
+                foretell=partial(
+                    predict_responses,
+                    rehearsed=rehearsals[model.name].bounds,
+                    of_plan=False,
+                    least_std=rehearsals[model.name].least_std,
+                )
+                if answers
+                else partial(predict, known_errors=replace(rehearsals[model.name].errors, of_plan=False)),
             )
     return found
 
 
 def _believed(choices: DesignSettings, model: LinearStructure) -> dict[str, float]:
     """Values of a response model that a previous result has; others follow from the loop."""
-    known = choices.prior.values if choices.prior is not None else {}
+    known = choices.earlier.values if choices.earlier is not None else {}
     return {name: known[name] for name in model.parameters.free if name in known}
 
 
@@ -788,8 +824,8 @@ def _wanted(choices: DesignSettings, model: LinearStructure) -> dict[str, float]
 
 
 def _model(choices: DesignSettings, name: str) -> LinearStructure:
-    if choices.prior is not None and name == choices.prior.structure.name:
-        return choices.prior.structure
+    if choices.earlier is not None and name == choices.earlier.structure.name:
+        return choices.earlier.structure
     if family_of(name).of_plans:
         return named_model(name, inputs=choices.inputs, outputs=choices.outputs, logged=_setpoint_channels(choices))
     return named_model(name)

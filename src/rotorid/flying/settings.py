@@ -685,14 +685,33 @@ class DesignSettings(Immutable):
         return craft
 
     @property
+    def earlier(self) -> "Prior | None":
+        """The result that the predictions begin from: that of ``--prior``, or a response among those of the vehicle."""
+        from rotorid.planning.prior import Prior
+        from rotorid.planning.responses import answers_setpoints
+
+        if self.prior is not None or self.own is None:
+            return self.prior
+        for result in self.own.joined.models:
+            if result.motors is None and answers_setpoints(result.structure):
+                bounds = result.bounds
+                return Prior(
+                    structure=result.structure,
+                    values={name: parameter.value for name, parameter in result.parameters.items()},
+                    source=result.name,
+                    std_model=dict(zip(bounds.names, bounds.model_std.tolist(), strict=True)),
+                )
+        return None
+
+    @property
     def model_names(self) -> tuple[str, ...]:
         """The models in force."""
         from rotorid.models.families import RATE_AXIS
 
         if self.models:
             return self.models
-        if self.prior is not None:
-            return (self.prior.structure.name,)
+        if self.earlier is not None:
+            return (self.earlier.structure.name,)
         if self.entry.interface is not None:
             return (BEHIND_SETPOINTS,)
         return tuple(name for name, axis in RATE_AXIS.items() if axis in self.plan.axes)

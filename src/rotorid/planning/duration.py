@@ -18,9 +18,6 @@ from rotorid.planning.loop import LoopModel
 from rotorid.planning.prediction import Prediction, predict
 from rotorid.typing import FloatArray
 
-_LARGEST_INFLATION = 1.5
-"""Bounds inflated by more than that are those of a structure that does not fit."""
-
 _TOLERANCE = 0.02
 """Relative width of the interval at which the search for a duration ends."""
 
@@ -90,9 +87,9 @@ def shortest(
     """Find the shortest flight after which every wanted parameter is known well enough.
 
     The interval is halved in the logarithm of the duration, down to 2 %. More time is taken to help; where window
-    rules make a longer flight a little worse, the answer is one of the durations at which it becomes good enough. A
-    structure that does not fit shows that the more the longer the flight is, and may be inflated beyond what is wanted:
-    then halves of the longest duration are tried, too.
+    rules make a longer flight a little worse, the answer is one of the durations at which it becomes good enough. Model
+    error does not fall with the duration, and of a structure that does not fit it may grow: where it alone is beyond
+    what is wanted, halves of the longest duration are tried, too.
 
     Parameters
     ----------
@@ -125,8 +122,8 @@ def shortest(
     ...     one = planned("roll", "pilot_sweep", start_s=0.0, amplitude=0.1, duration_s=duration_s,
     ...                   sample_rate_hz=200.0, band_rad_s=(1.0, 50.0))
     ...     return sequence("sweep", [one])
-    >>> shortest(roll, truth, loop, sweep, {"L_roll": 3.0, "tau_roll": 20.0}).words
-    '21 s are enough (tau_roll needs the longest).'
+    >>> shortest(roll, truth, loop, sweep, {"L_roll": 1.5, "T_motor": 5.0}).words
+    '20 s are enough (L_roll needs the longest).'
     """
     _require_wanted(structure, wanted, shortest_s, longest_s)
 
@@ -141,7 +138,7 @@ def shortest(
         return Attempt(duration_s, excess[limiting], limiting, prediction)
 
     tried = [attempt(longest_s)]
-    while tried[-1].excess > 1.0 and _inflated(tried[-1]) and 0.5 * tried[-1].duration_s > shortest_s:
+    while tried[-1].excess > 1.0 and _limit_of_model(tried[-1], wanted) and 0.5 * tried[-1].duration_s > shortest_s:
         tried.append(attempt(0.5 * tried[-1].duration_s))
     high = tried[-1]
     if high.excess > 1.0:
@@ -163,9 +160,13 @@ def shortest(
     )
 
 
-def _inflated(attempt: Attempt) -> bool:
-    """Whether bounds are inflated by a structure that does not fit."""
-    return attempt.prediction is not None and attempt.prediction.inflation > _LARGEST_INFLATION
+def _limit_of_model(attempt: Attempt, wanted: Mapping[str, float]) -> float:
+    """Model error of the limiting parameter in percent, where it alone is beyond what is wanted; else zero."""
+    if attempt.prediction is None or math.isinf(attempt.excess):
+        return 0.0
+    limiting = attempt.prediction[attempt.limiting]
+    percent = limiting.in_percent(limiting.std_model)
+    return percent if percent > wanted[attempt.limiting] else 0.0
 
 
 def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortest:
@@ -179,8 +180,8 @@ def _unreached(tried: Sequence[Attempt], wanted: Mapping[str, float]) -> Shortes
         reached = best.excess * wanted[name]
         asked = f"{wanted[name]:g} % requested"
         words = f"Not accurate enough: {best.duration_s:.0f} s measure {name} to {reached:.2g} %, {asked}."
-        if _inflated(tried[0]):
-            words += " A longer flight does not help, because the model does not fit the vehicle; a richer one may."
+        if missed := _limit_of_model(best, wanted):
+            words += f" Model error alone is {missed:.2g} %, and a longer flight does not reduce it."
     return Shortest(duration_s=None, limiting=name, prediction=prediction, tried=tuple(tried), words=words)
 
 

@@ -1,8 +1,8 @@
 r"""Predicted standard deviations of every parameter, before the flight.
 
 The expected response goes the way of a measured one: the structure is fitted to it at the points that will be usable,
-with the weights that will be used, and its errors are carried through the fit into a covariance of the parameters,
-inflated as an identification inflates its bounds where the structure does not fit what flies. Two numbers stand beside
+with the weights that will be used. What an identification will state, random and model error, its own functions say
+(:mod:`rotorid.planning.systematic`). Two numbers stand beside
 each standard deviation: how far estimates of the same plan scatter from flight to flight, which leaves out what is the
 same in all of them, and what no estimate from the same test inputs can fall below (Cramér and Rao),
 
@@ -41,10 +41,11 @@ from rotorid.planning.expected import (
     usable,
 )
 from rotorid.planning.loop import LoopModel
-from rotorid.planning.remarks import remarks, require_octave
+from rotorid.planning.remarks import remarks, require_inside, require_octave
+from rotorid.planning.systematic import KnownErrors, stated_bounds
 from rotorid.spectral.windows import grid_rad_s
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
-from rotorid.uncertainty.cramer_rao import Bounds, Weights, bounds
+from rotorid.uncertainty.cramer_rao import Bounds, Weights
 
 _LEAST_NOISE = 1e-12
 """Of the noise of all outputs: one that is the integral of another errs alike."""
@@ -105,64 +106,6 @@ def open_loop_noise(
     noise = mix @ logged @ mix.conj().swapaxes(1, 2)
     floor = _LEAST_NOISE * np.trace(noise, axis1=1, axis2=2).real[:, None, None] + _LEAST_DENSITY
     return np.asarray(noise + floor * np.eye(len(outputs)))
-
-
-_DRAWS = np.linspace(-4.0, 4.0, 81)
-_SHARES = np.exp(-0.5 * _DRAWS**2) / np.sum(np.exp(-0.5 * _DRAWS**2))
-"""A normal distribution in steps."""
-
-_CHANCE = 2.0
-"""An identification puts up with residuals that are larger by as many standard deviations of their sum of squares."""
-
-
-def expected_inflation(
-    problem: FrequencyProblem, solution: Solution, weights: Weights, scattering: ResidualErrors
-) -> float:
-    r"""Factor on stated standard deviations, the mean of :math:`\sqrt{|r + e|^2 / E|e_0|^2}` over flights.
-
-    The residuals r of a fit to the expected response are what the structure cannot follow and what windows leave of
-    leakage, both the same in every flight of a plan. What gusts and noise add, e, scatters about them,
-
-    .. math:: E|r + e|^2 = |r|^2 + \mathrm{tr} \, C, \qquad
-        \mathrm{Var} |r + e|^2 = 2 \, \mathrm{tr} \, C^2 + 4 \, r^T C r
-
-    with its covariance C as far as the fit does not absorb it. An identification compares with the errors :math:`e_0`
-    that it states: leakage counts among them, and more than chance on top of them is inflated.
-
-    Parameters
-    ----------
-    problem, solution
-        What is fitted to the expected response, and its end.
-    weights
-        What the fit minimizes.
-    scattering
-        Errors of gusts and noise alone.
-    """
-    if weights == "cifer":
-        stated, scattered = problem.errors.covariance, scattering.covariance
-        residual, jacobian = solution.residual, solution.jacobian
-        squared = float(np.vdot(stated, stated))
-    else:
-        errors = problem.errors_about(solution.theta)
-        residual, jacobian = (errors.whitened(values) for values in problem.residuals(solution.theta))
-        stated, scattered = (_whitened(errors, either.covariance) for either in (errors, scattering))
-        squared = float(np.trace(stated))
-    basis, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
-    expected, left = float(np.trace(_left(stated, basis))), _left(scattered, basis)
-    spread = math.sqrt(2.0 * float(np.vdot(left, left)) + 4.0 * float(residual @ left @ residual))
-    found = float(residual @ residual) + float(np.trace(left)) + spread * _DRAWS
-    factors = np.sqrt(np.maximum(found, expected) / expected)
-    return float(_SHARES @ np.where(found > expected + _CHANCE * math.sqrt(2.0 * squared), factors, 1.0))
-
-
-def _whitened(errors: ResidualErrors, covariance: FloatArray) -> FloatArray:
-    return errors.whitened(errors.whitened(covariance).T)
-
-
-def _left(covariance: FloatArray, basis: FloatArray) -> FloatArray:
-    r"""What a fit leaves of errors, :math:`(1 - Q Q^T) \, C \, (1 - Q Q^T)`."""
-    half = covariance - basis @ (basis.T @ covariance)
-    return np.asarray(half - (half @ basis) @ basis.T)
 
 
 def scattering_errors(problem: FrequencyProblem, loop: LoopModel, planned: Planned) -> ResidualErrors:
@@ -235,8 +178,9 @@ class PredictedParameter:
     expected
         Where the fit will end but for chance: elsewhere if feedback biases the estimate or the structure leaves out a
         part of what the loop does.
-    std
-        One standard deviation as the identification will state it.
+    std, std_random
+        One standard deviation as the identification will state it, random and model error together, and its random
+        part.
     scatter
         Standard deviation of the estimates over many flights of this plan: smaller, as leakage and a structure that
         does not fit are the same in each of them, and move all estimates to ``expected``. Of several outputs fitted
@@ -252,6 +196,7 @@ class PredictedParameter:
     value: float
     expected: float
     std: float
+    std_random: float
     scatter: float
     cramer_rao: float
     insensitivity: float
@@ -261,6 +206,11 @@ class PredictedParameter:
     def off_sigmas(self) -> float:
         """How far the fit will end from the value, in standard deviations as stated."""
         return abs(self.expected - self.value) / self.std if self.std > 0.0 else 0.0
+
+    @property
+    def std_model(self) -> float:
+        """The part of model errors and clocks in the standard deviation."""
+        return math.sqrt(max(self.std**2 - self.std_random**2, 0.0))
 
     @property
     def percent(self) -> float:
@@ -287,7 +237,9 @@ class Prediction(Immutable):
     covariance
         Of these parameters, shape ``(p, p)``.
     inflation
-        Factor that is in it because the structure does not fit what will fly; one where it does.
+        Factor on the standard deviations, in the geometric mean, that comes of model errors and clocks.
+    model_error
+        What the structure misses in each response ``output/input``, relative; where responses are fitted.
     response
         The expected response with coherence and random error.
     used
@@ -304,9 +256,11 @@ class Prediction(Immutable):
     response: FrequencyResponse
     used: BoolArray
     findings: tuple[Finding, ...] = field(default=())
+    model_error: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._set(
+            model_error=self.model_error,
             parameters=tuple(self.parameters),
             covariance=read_only(self.covariance, np.float64, ndim=2),
             used=read_only(self.used, np.bool_, ndim=3),
@@ -333,6 +287,7 @@ def predict(
     plan: FlightPlan,
     *,
     choices: FitSettings | None = None,
+    known_errors: KnownErrors | None = None,
 ) -> Prediction:
     """Say before a flight how well its identification will know every parameter.
 
@@ -348,11 +303,13 @@ def predict(
         The test inputs.
     choices
         How the flight will be identified.
+    known_errors
+        What a rehearsal and previous results know of systematic errors; without them clocks and the floor alone count.
 
     Raises
     ------
     InsufficientDataError
-        The flight could not support the model; the findings say why.
+        The flight could not support the model, or a parameter ends on its bound; the findings say why.
     UsageError
         A value is missing, or loop, plan and structure do not fit each other.
 
@@ -379,9 +336,9 @@ def predict(
     ...                 band_rad_s=(1.0, 50.0))
     >>> found = predict(roll, truth, loop, sequence("a minute", [sweep]))
     >>> round(found["L_roll"].percent, 1), round(found["tau_roll"].percent)
-    (0.8, 15)
+    (1.0, 22)
     """
-    choices = choices or FitSettings()
+    choices, known_errors = choices or FitSettings(), known_errors or KnownErrors()
     structure = _scoped(structure, loop, plan, choices)
     _require_values(structure, values)
     known = {p.name: values[p.name] for p in structure.parameters if p.status == "free"}
@@ -403,8 +360,9 @@ def predict(
     require_octave(response, used, choices.least_coherence)
     posed = FrequencyProblem(structure=structure, parameters=parameters, data=response, used=used)
     ended = expected_fit(posed, choices)
+    require_inside(ended.problem.parameters, ended.solution)
     scattering = scattering_errors(ended.problem, loop, planned)
-    limits = _bounds(ended, scattering)
+    limits = stated_bounds(ended, scattering, known_errors)
     information = fisher_information(ended.problem, ended.solution.theta, loop, planned)
     lowest = np.sqrt(np.diag(_inverse(information)))
     scatter = expected_scatter(ended.problem, ended.solution, ended.weights, scattering)
@@ -416,6 +374,7 @@ def predict(
         inflation=limits.inflation,
         response=response,
         used=ended.problem.used,
+        model_error=limits.model_error.deviations if limits.model_error is not None else {},
         findings=(
             *windows.findings,
             *remarks(ended.problem, ended.solution, limits, values, band, ended.dropped),
@@ -449,14 +408,6 @@ def _require_values(structure: LinearStructure, values: Mapping[str, float]) -> 
         )
 
 
-def _bounds(ended: ExpectedFit, scattering: ResidualErrors) -> Bounds:
-    """The bounds that an identification will state, on average."""
-    problem, solution, weights, _ = ended
-    limits = bounds(problem, solution, weights=weights, model_errors=False)
-    inflation = expected_inflation(problem, solution, weights, scattering)
-    return replace(limits, covariance=limits.random * inflation**2, inflation=inflation)
-
-
 def _parameters(
     ended: ExpectedFit, limits: Bounds, values: Mapping[str, float], lowest: FloatArray, scatter: FloatArray
 ) -> tuple[PredictedParameter, ...]:
@@ -468,6 +419,7 @@ def _parameters(
             value=float(values[name]),
             expected=float(theta[row]),
             std=float(limits.std[row]),
+            std_random=float(limits.random_std[row]),
             scatter=float(scatter[row]),
             cramer_rao=float(limits.cramer_rao[row]),
             insensitivity=float(limits.insensitivity[row]),

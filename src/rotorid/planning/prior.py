@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rotorid.data.base import Immutable
@@ -27,14 +27,20 @@ class Prior(Immutable):
         Its parameters.
     source
         File that it came from.
+    model_error
+        Relative model error that it states of each response ``output/input``.
+    std_model
+        Standard deviation of model error that it states of each parameter.
     """
 
     structure: LinearStructure
     values: Mapping[str, float]
     source: str
+    model_error: Mapping[str, float] = field(default_factory=dict)
+    std_model: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(values=self.values)
+        self._set(values=self.values, model_error=self.model_error, std_model=self.std_model)
 
 
 def read_prior(path: Path) -> Prior:
@@ -52,20 +58,27 @@ def read_prior(path: Path) -> Prior:
     content = read_text(file, needed=needed, most_bytes=MOST_JSON_BYTES)
     text = read_text(file.with_name("model.toml"), needed=needed)
     try:
-        values = _values(content)
+        known = _known(content)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{file} is not a result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
     # The folder's name, without its path, distinguishes results.
-    return Prior(structure=structure, values=values, source="/".join(file.resolve().parts[-2:]))
+    return Prior(structure=structure, source="/".join(file.resolve().parts[-2:]), **known)
 
 
-def _values(content: str) -> dict[str, float]:
-    """Values of the parameters of a ``result.json``."""
+def _known(content: str) -> dict[str, dict[str, float]]:
+    """Values of the parameters of a ``result.json``, and the model error of its responses and parameters."""
     result = parse_json(content)
     if result["schema"] != "rotorid.result/1":
         raise ValueError(f"the schema {result['schema']}")
-    return {name: float(parameter["value"]) for name, parameter in result["parameters"].items()}
+    missed, parameters = (result.get("fit") or {}).get("model_error") or {}, result["parameters"]
+    return {
+        "values": {name: float(parameter["value"]) for name, parameter in parameters.items()},
+        "model_error": {name: float(size) for name, size in missed.items()},
+        "std_model": {
+            name: float(parameter["std_model"]) for name, parameter in parameters.items() if parameter.get("std_model")
+        },
+    }
 
 
 def with_prior(loop: LoopModel, prior: Prior) -> LoopModel:

@@ -24,6 +24,7 @@ from rotorid.data.trust import (
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
 from rotorid.fitting.least_squares import Solution
+from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import unseen_combinations
@@ -60,6 +61,35 @@ def require_octave(response: FrequencyResponse, used: BoolArray, least_coherence
                 low_rad_s=low,
                 high_rad_s=high,
             )
+        ],
+    )
+
+
+def require_inside(parameters: ParameterSet, solution: Solution) -> None:
+    """Refuse a forecast that ends on a bound, where a value is only a limit and has no standard deviation.
+
+    Raises
+    ------
+    InsufficientDataError
+        With the finding ``not_identifiable`` for each such parameter.
+    """
+    ended = [name for name, at_bound in zip(parameters.free, solution.at_bound, strict=False) if at_bound]
+    if not ended:
+        return
+    values = parameters.unpack(solution.theta[: len(parameters.free)]).values
+    names = ", ".join(f"{name} = {values[name]:.3g}" for name in ended)
+    raise InsufficientDataError(
+        f"the fit to the expected response ends at a bound: {names}",
+        needed="a flight that determines all parameters",
+        remedy="plan for a smaller model, or excite a wider band",
+        findings=[
+            refusal(
+                "not_identifiable",
+                name,
+                f"{name} will end at the bound {values[name]:.3g} of its range, so its error is unknown.",
+                value=float(values[name]),
+            )
+            for name in ended
         ],
     )
 

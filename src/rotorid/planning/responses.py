@@ -43,6 +43,8 @@ from rotorid.planning.expected import (
 )
 from rotorid.planning.loop import LoopModel, Noise
 from rotorid.planning.prediction import PredictedParameter, Prediction
+from rotorid.planning.remarks import require_inside
+from rotorid.planning.systematic import mean_covariance
 from rotorid.spectral.windows import grid_rad_s
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
@@ -226,6 +228,9 @@ def predict_responses(
     *,
     choices: FitSettings | None = None,
     seed: int = 0,
+    rehearsed: Sequence[Bounds] = (),
+    of_plan: bool = True,
+    least_std: Mapping[str, float] | None = None,
 ) -> Prediction:
     """Say before a flight what an output-error fit of its responses to set-points will know.
 
@@ -241,11 +246,18 @@ def predict_responses(
         Only the band of the responses that stand beside.
     seed
         Of the draws of gusts and noise.
+    rehearsed
+        What identifications of simulated flights of such a plan state; without any, what fits to the linear loop do,
+        which have no model error.
+    of_plan
+        Whether the plan itself flew; of another length, only model errors are alike.
+    least_std
+        Standard deviations of model error in an earlier result of the vehicle: none is smaller.
 
     Raises
     ------
     InsufficientDataError
-        The plan does not excite an input, or is too short.
+        The plan does not excite an input or is too short, or a parameter ends on its bound.
     UsageError
         The loop has not the inputs or outputs of the structure.
 
@@ -290,11 +302,15 @@ def predict_responses(
     # In flight the errors decide how much each output counts, not what is left without them.
     weighed = alone.problem.with_noise(np.mean([fit.noise for fit in fits], axis=0))
     ended = solver.minimize(weighed.residuals, alone.solution.theta, *weighed.box)
-    stated = [bounds_of_parts(fit.problem.parts(fit.solution.theta), fit.parameters.free) for fit in fits]
+    require_inside(weighed.parameters, ended)
+    drawn = [bounds_of_parts(fit.problem.parts(fit.solution.theta), fit.parameters.free) for fit in fits]
     parts = weighed.parts(ended.theta)
     scatter, information = _of_noise(parts, weighed.whitening, structure, loop)
-    covariance = np.mean([bounds.random for bounds in stated], axis=0)
-    inflation = _ratio(covariance, scatter)
+    alike = [bounds for bounds in rehearsed if bounds.names == weighed.parameters.free]
+    stated = alike if alike and of_plan else drawn
+    random = mean_covariance([bounds.random for bounds in stated])
+    covariance = random + _model_part(weighed.parameters.free, rehearsed, least_std or {})
+    inflation = _ratio(mean_covariance([bounds.random for bounds in drawn]), scatter)
     band = choices.band_rad_s or shown.band_rad_s
     windows = shown.windows(band, choices.windows_s)
     response = expected_response(
@@ -313,9 +329,11 @@ def predict_responses(
     return Prediction(
         plan=plan.name,
         duration_s=plan.duration_s,
-        parameters=_parameters(weighed.parameters, ended.theta, known, stated, covariance, scatter, information),
+        parameters=_parameters(
+            weighed.parameters, ended.theta, known, stated, covariance, random, scatter, information
+        ),
         covariance=covariance,
-        inflation=inflation,
+        inflation=_ratio(covariance, random),
         response=response,
         used=used,
         findings=_remarks(structure, inflation),
@@ -424,6 +442,16 @@ def _of_noise(
     return D @ middle @ D, information
 
 
+def _model_part(names: Sequence[str], rehearsed: Sequence[Bounds], least_std: Mapping[str, float]) -> FloatArray:
+    """Covariance of model errors and clocks in what rehearsals state, in the mean; zero where none states any."""
+    added = np.zeros((len(names), len(names)))
+    alike = [bounds for bounds in rehearsed if bounds.names == tuple(names)]
+    if alike:
+        added = mean_covariance([bounds.covariance - bounds.random for bounds in alike])
+    least = np.array([least_std.get(name, 0.0) ** 2 for name in names])
+    return np.asarray(added + np.diag(np.maximum(least - np.diag(added), 0.0)))
+
+
 def _ratio(stated: FloatArray, scatter: FloatArray) -> float:
     """How much larger stated standard deviations are than noise makes them, on the logarithmic mean."""
     return math.exp(0.5 * float(np.mean(np.log(np.diag(stated) / np.diag(scatter)))))
@@ -435,6 +463,7 @@ def _parameters(
     known: Mapping[str, float],
     stated: Sequence[Bounds],
     covariance: FloatArray,
+    random: FloatArray,
     scatter: FloatArray,
     information: FloatArray,
 ) -> tuple[PredictedParameter, ...]:
@@ -447,6 +476,7 @@ def _parameters(
             value=float(known[name]),
             expected=float(theta[row]),
             std=float(np.sqrt(covariance[row, row])),
+            std_random=float(np.sqrt(random[row, row])),
             scatter=float(np.sqrt(scatter[row, row])),
             cramer_rao=float(np.mean([bounds.cramer_rao[row] for bounds in stated])),
             insensitivity=float(np.mean([bounds.insensitivity[row] for bounds in stated])),

@@ -43,7 +43,7 @@ from rotorid.plot.design import (
 )
 from rotorid.plot.figure import quantity
 from rotorid.report.flight_card import FILE as CARD
-from rotorid.report.flight_card import RANDOM_ONLY, amplitude_words
+from rotorid.report.flight_card import WHOLE_ERROR, amplitude_words
 from rotorid.report.frame import Picture, drawn, in_all_units, render
 from rotorid.report.parts import (
     FAR_SIGMAS,
@@ -84,7 +84,7 @@ _LIMITS: Mapping[str, str] = MappingProxyType(
 _TURN = 2.0 * math.pi
 
 _INFLATED = 1.05
-"""Factor on standard deviations from which a poor structure is reported."""
+"""Factor on standard deviations from which model error is reported."""
 
 _MOST_NAMED = 6
 """Number of parameters that are named; more are counted."""
@@ -190,6 +190,7 @@ class PredictedRow:
     expected: str
     off: Cell
     percent: str
+    random: str
     scatter: str
     least: str
     cramer_rao: Cell
@@ -212,6 +213,7 @@ def _predicted_row(parameter: PredictedParameter) -> PredictedRow:
         expected=with_error(parameter.expected, parameter.std),
         off=Cell(f"{sigmas:.1f} σ off", sigmas > FAR_SIGMAS),
         percent=percent(parameter.percent),
+        random=percent(parameter.in_percent(parameter.std_random)),
         scatter=percent(parameter.in_percent(parameter.scatter)),
         least=percent(parameter.in_percent(parameter.lowest_std)),
         cramer_rao=Cell(percent(bound), CRAMER_RAO_GUIDELINE_PERCENT < bound < math.inf),
@@ -262,12 +264,12 @@ def _usable_row(prediction: Prediction, output: str, input: str) -> UsableRow:
 
 
 def inflation_words(prediction: Prediction) -> str:
-    """How much a poor structure widens the standard deviations, in a sentence; empty where it fits."""
+    """How much model error widens the standard deviations, in a sentence; empty where it adds nothing."""
     if prediction.inflation < _INFLATED:
         return ""
     return (
-        f"This model does not fit the vehicle well, so errors are {significant(prediction.inflation)} times larger. A "
-        "longer flight does not help; a richer model does."
+        f"With model error and clocks, errors are {significant(prediction.inflation)} times larger than random error "
+        "alone. A longer flight reduces only random error."
     )
 
 
@@ -344,7 +346,7 @@ def design_summary(designed: Sequence[Designed], choices: DesignSettings) -> tup
     each = [_plan_sentence(design) for design in designed]
     reach = _shared_answers(designed) if len(designed) > 1 else list(reach_sentences(designed[0]))
     predicted = any(each.prediction is not None for design in designed for each in design.told)
-    errors = [f"Expected errors are {RANDOM_ONLY}."] if predicted else []
+    errors = [f"Expected errors are {WHOLE_ERROR}."] if predicted else []
     return (*most, *each, *errors, *reach, f"Planned for {choices.entry.name} in {wind_words(choices.plan.wind)}.")
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from rotorid.documents.design import TestInputDocument
 
-RANDOM_ONLY = "random error only; model error adds to it"
+WHOLE_ERROR = "random and model error, as identify will state them"
 """What a predicted error leaves out."""
 
 LEAST_BATTERY_PERCENT = 30
@@ -379,7 +379,7 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
         how=how_to_fly(plan, facts),
         before=before(plan, facts),
         stops=stops(facts),
-        random_only=RANDOM_ONLY,
+        whole_error=WHOLE_ERROR,
         stop_sentence=stop_sentence(plan, facts),
         after=after(plan, facts),
         bounds=_bound_rows(facts.bounds),

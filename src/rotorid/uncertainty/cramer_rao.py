@@ -22,8 +22,8 @@ place of half the curvature, and the covariance is corrected for the color that 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -115,8 +115,20 @@ class Bounds(Immutable):
         """Correlation of the parameters, shape ``(p, p)``."""
         return np.asarray(self.covariance / np.outer(self.std, self.std))
 
+    def with_errors(self, random: FloatArray, model: FloatArray) -> Bounds:
+        """The same with other covariances, of random errors and of model errors and clocks, shape ``(p, p)`` each."""
+        total = random + model
+        return replace(self, covariance=total, random=random, inflation=_ratio(total, random))
 
-def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", model_errors: bool = True) -> Bounds:
+
+def bounds(
+    problem: Problem,
+    solution: Solution,
+    *,
+    weights: Weights = "cifer",
+    model_errors: bool = True,
+    least_model_errors: Mapping[str, float] | None = None,
+) -> Bounds:
     """Uncertainty of a solution.
 
     Where the data state their errors, as responses do, these are believed, and what the structure leaves out is seen in
@@ -137,7 +149,10 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
         for one of :func:`rotorid.fitting.frequency.fit.refine`.
     model_errors
         Whether errors of the structure and of clocks count too; random errors alone say how certain a parameter is
-        within the structure, which is what designs and reductions ask.
+        within the structure, which is what reductions ask.
+    least_model_errors
+        Relative sizes of the model error of responses that are known from elsewhere, as a plan knows them from a
+        previous flight: no smaller ones are taken.
 
     Raises
     ------
@@ -170,7 +185,7 @@ def bounds(problem: Problem, solution: Solution, *, weights: Weights = "cifer", 
     if shapes is not None:
         about = problem.stated_errors(solution.theta, weights="covariance")
         assert about is not None
-        found = model_error(shapes, residual, of_cost, about.covariance)
+        found = model_error(shapes, residual, of_cost, about.covariance).at_least(least_model_errors or {})
         # A value at a bound says nothing of what else is in it.
         anything = ~np.isfinite(problem.box[0]) & ~np.isfinite(problem.box[1])
         found = found.as_parameters_show(gain, np.where(anything, solution.theta, np.nan), random)

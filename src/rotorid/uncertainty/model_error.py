@@ -134,6 +134,12 @@ class ModelError(Immutable):
             shown = np.nan_to_num(size[:, None] / np.abs(shifts), nan=1.0)
         return replace(self, shapes=self.shapes.with_shares(np.minimum(shown.min(axis=0, initial=1.0), 1.0)))
 
+    def at_least(self, sizes: Mapping[str, float]) -> ModelError:
+        """The same, where no size that counts is below that of its group in ``sizes``."""
+        return replace(
+            self, deviations={name: max(size, sizes.get(name, 0.0)) for name, size in self.deviations.items()}
+        )
+
 
 def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> ModelError:
     r"""Sizes of model errors by what residuals say of them.

@@ -11,6 +11,7 @@ import pytest
 from rotorid.errors import UsageError
 from rotorid.flying import designs
 from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
+from rotorid.flying.rehearsals import Rehearsal
 from rotorid.flying.settings import PlanSettings
 from rotorid.models.library import rate_model
 from rotorid.planning.amplitude import Limits, reached, usual_reached
@@ -144,6 +145,6 @@ def test_a_model_whose_prediction_fails_leaves_the_plan_and_is_named(monkeypatch
     monkeypatch.setattr(designs, "expected_values", broken)
     choices: Any = SimpleNamespace(prior=None)
     unused: Any = None
-    foretold = designs._predict_plan(choices, unused, unused, rate_model("rate.roll"), unused)
+    foretold = designs._predict_plan(choices, unused, unused, rate_model("rate.roll"), unused, Rehearsal())
     assert foretold.prediction is None
     assert "KeyError" in foretold.refused

@@ -1,13 +1,14 @@
-"""How bounds will be inflated, against draws of the errors that a flight will have."""
+"""What a flight will state as random and model error, with rehearsals and without."""
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.unit.planning.plans import LOG_HZ, STRUCTURE, TRUTH, roll_loop, sweeps
 
+from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.problem import ResidualErrors
 from rotorid.planning.expected import (
@@ -18,8 +19,11 @@ from rotorid.planning.expected import (
     expected_response,
     usable,
 )
-from rotorid.planning.prediction import _bounds, expected_inflation, scattering_errors
+from rotorid.planning.prediction import scattering_errors
+from rotorid.planning.systematic import KnownErrors, stated_bounds
 from rotorid.spectral.windows import grid_rad_s
+from rotorid.uncertainty.cramer_rao import Bounds, bounds
+from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
 
 CHOICES = FitSettings(band_rad_s=(2.0, 40.0))
 
@@ -46,42 +50,65 @@ def fitted(wrong: float = 0.0, *, noise: float = 0.05) -> tuple[ExpectedFit, Res
     return ended, scattering_errors(ended.problem, loop, planned)
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.15, 0.2, 0.3, 1.0])
-def test_the_mean_over_drawn_flights(wrong: float) -> None:
-    ended, scattering = fitted(wrong)
-    problem, solution, weights, _ = ended
-    assert weights == "cifer"
-    predicted = expected_inflation(problem, solution, weights, scattering)
-    rng, flights = np.random.default_rng(0), 4000
-    basis, _ = np.linalg.qr(solution.jacobian)
-    stated = problem.errors.covariance
-    expected = float(np.trace(stated - basis @ (basis.T @ stated)))
-    limit = expected + 2.0 * math.sqrt(2.0 * float(np.vdot(stated, stated)))
-    drawn = rng.multivariate_normal(np.zeros(len(stated)), scattering.covariance, size=flights, method="eigh")
-    residuals = solution.residual + drawn - (drawn @ basis) @ basis.T
-    found = np.einsum("fn,fn->f", residuals, residuals)
-    factors = np.where(found > limit, np.sqrt(found / expected), 1.0)
-    # Sums of squares are a little skew, which the normal distribution that is taken for them is not.
-    assert predicted == pytest.approx(factors.mean(), rel=0.03)
-    assert (predicted > 1.1) == (wrong > 0.15)
+def stated(wrong: float = 0.0, *, noise: float = 0.05, known: KnownErrors | None = None) -> Bounds:
+    ended, scattering = fitted(wrong, noise=noise)
+    return stated_bounds(ended, scattering, known or KnownErrors())
 
 
-def test_leakage_alone_inflates_nothing() -> None:
-    """Without noise all that is left is leakage, which is stated as an error: nothing is to be added for it."""
-    ended, scattering = fitted(noise=1e-6)
-    assert float(np.trace(scattering.covariance)) < 1e-6 * float(np.trace(ended.problem.errors.covariance))
-    assert expected_inflation(ended.problem, ended.solution, ended.weights, scattering) == 1.0
+def test_an_exact_structure_has_the_floor_and_the_clocks() -> None:
+    ended, scattering = fitted(noise=1e-4)
+    found = stated_bounds(ended, scattering, KnownErrors())
+    assert found.model_error is not None
+    assert found.model_error.sizes["p/roll_command"] == pytest.approx(SMALLEST_MODEL_ERROR)
+    alone = bounds(ended.problem, ended.solution, weights=ended.weights)
+    np.testing.assert_allclose(found.std, alone.std, rtol=0.02)
+    # A clock that is late by 0.15 samples is a delay.
+    assert found.stds["tau_roll"] > 0.15 / LOG_HZ
 
 
-def test_weights_of_the_covariance_see_the_same() -> None:
+def test_random_errors_are_those_of_the_expected_response() -> None:
     ended, scattering = fitted()
-    assert expected_inflation(ended.problem, ended.solution, "covariance", scattering) == pytest.approx(1.0, abs=0.05)
-    wrong, about = fitted(4.0)
-    assert expected_inflation(wrong.problem, wrong.solution, "covariance", about) > 1.5
+    found = stated_bounds(ended, scattering, KnownErrors())
+    alone = bounds(ended.problem, ended.solution, weights=ended.weights, model_errors=False)
+    np.testing.assert_allclose(found.random_std, alone.random_std)
+    assert (found.std > found.random_std).all()
 
 
-def test_variances_grow_with_the_square_of_the_inflation() -> None:
-    ended, scattering = fitted(1.0)
-    limits = _bounds(ended, scattering)
-    assert limits.inflation > 1.5
-    np.testing.assert_allclose(limits.std, np.sqrt(np.diag(limits.random)) * limits.inflation, rtol=1e-12)
+def test_a_wrong_structure_has_a_larger_model_error() -> None:
+    exact, wrong = stated(noise=0.01), stated(4.0, noise=0.01)
+    assert wrong.stds["L_roll"] > 3.0 * exact.stds["L_roll"]
+
+
+def test_no_model_error_is_smaller_than_that_of_an_earlier_result() -> None:
+    earlier = stated(noise=0.01, known=KnownErrors(sizes={"p/roll_command": 0.03}))
+    assert earlier.model_error is not None
+    assert earlier.model_error.sizes["p/roll_command"] == pytest.approx(0.03)
+    assert earlier.stds["L_roll"] > 2.0 * stated(noise=0.01).stds["L_roll"]
+
+
+def test_rehearsals_state_what_an_identification_of_them_states() -> None:
+    ended, scattering = fitted(noise=0.02)
+    rng = np.random.default_rng(1)
+    values = ended.problem.data.values * (1.0 + 0.01 * rng.standard_normal(ended.problem.data.values.shape))
+    lean = np.full((1, ended.problem.data.omega_rad_s.size), 0.05)
+    rehearsal = replace(ended.problem, data=replace(ended.problem.data, values=values, lean_errors=lean))
+    found = stated_bounds(ended, scattering, KnownErrors(rehearsals=(rehearsal, rehearsal)))
+    own = fit_frequency(rehearsal, starts=[ended.solution.theta])
+    np.testing.assert_allclose(found.std, bounds(rehearsal, own, weights=ended.weights).std, rtol=1e-3)
+    # Of a plan of another length only errors of known size are taken.
+    other = stated_bounds(ended, scattering, KnownErrors(rehearsals=(rehearsal,), of_plan=False))
+    np.testing.assert_allclose(other.random_std, stated(noise=0.02).random_std)
+    assert other.stds["L_roll"] > 2.0 * stated(noise=0.02).stds["L_roll"]
+
+
+def test_a_rehearsal_of_other_responses_is_left_out() -> None:
+    ended, scattering = fitted()
+    other = replace(
+        ended.problem,
+        structure=replace(ended.problem.structure, outputs=("q",)),
+        data=replace(
+            ended.problem.data, outputs=("q",), lean_errors=np.full((1, ended.problem.data.omega_rad_s.size), 0.2)
+        ),
+    )
+    found = stated_bounds(ended, scattering, KnownErrors(rehearsals=(other,)))
+    np.testing.assert_allclose(found.std, stated().std)

@@ -83,6 +83,7 @@ def parameter(name: str, percent: float, *, value: float = 100.0, off: float = 0
         value=value,
         expected=value + off * std,
         std=std,
+        std_random=0.6 * std,
         scatter=0.5 * std,
         cramer_rao=10.0 * std,
         insensitivity=4.0 * std,
@@ -195,12 +196,13 @@ def test_parameters_are_shown_in_percent_and_marked_beyond_guidelines(alone: Pag
         "100",
         "100.0 ± 2.0",
         "2",
+        "1.2",
         "1",
         "0.5",
         "20",
         "8",
     ]
-    assert damping[2:] == ["−4", "−3.00 ± 0.20 5.0 σ off", "5", "2.5", "1.2", "50", "20"]
+    assert damping[2:] == ["−4", "−3.00 ± 0.20 5.0 σ off", "5", "3", "2.5", "1.2", "50", "20"]
     marked = [attributes for _, attributes in alone.elements if attributes.get("class") == "marked"]
     # The distance from the value, two bounds of L_p, and the lowest motor output.
     assert len(marked) == 4
@@ -247,6 +249,7 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
         value=0.0,
         expected=0.1,
         std=0.2,
+        std_random=0.1,
         scatter=0.1,
         cramer_rao=0.2,
         insensitivity=0.1,
@@ -262,7 +265,7 @@ def test_a_parameter_of_the_value_zero_has_no_percent() -> None:
         "expected error of 1 parameter: 2 %; 1 parameter with the value zero has no percentage."
     )
     shown = Page(render_design([with_zero], CHOICES, title="t"))
-    assert shown.rows("Scatter")[1][2:] == ["0", "0.10 ± 0.20", "–", "–", "–", "–", "–"]
+    assert shown.rows("Scatter")[1][2:] == ["0", "0.10 ± 0.20", "–", "–", "–", "–", "–", "–"]
     marked = [attributes for _, attributes in shown.elements if attributes.get("class") == "marked"]
     # The lowest motor output alone: a dash is beyond no guideline.
     assert len(marked) == 1
@@ -298,7 +301,7 @@ def test_words_come_first(page: Page) -> None:
         "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
         "Multisine on roll and pitch, 26 s in all: expected error of 2 parameters: 1 to 5 % "
         "(L_p is the least accurate); biased estimates: L_p −3 instead of −4, 5 σ off; not enough data for rate.yaw.",
-        "Expected errors are random error only; model error adds to it.",
+        "Expected errors are random and model error, as identify will state them.",
         "L_roll to 1.5 % in rate.roll: 40 s of pilot sweep and 40 s of multisine are enough.",
         "Planned for px4_quad in turbulence of 0.5 m/s.",
     )
