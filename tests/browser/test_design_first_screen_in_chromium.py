@@ -22,7 +22,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_answer_is_above_the_fold_and_details_fold(shared_browser: Any, page: Path) -> None:
     seen = first_screen(shared_browser, page)
     assert "Pilot sweep on roll and pitch, 49 s in all: expected error of 2 parameters: 2 to 5 %" in seen.words
-    assert "random error only; model error adds to it" in seen.words
+    assert "random and model error, as identify will state them" in seen.words
     assert "What to fly" in seen.words
     assert seen.height <= MOST_PIXELS
     assert "Simulated flight and its limits" in seen.summaries

@@ -127,18 +127,23 @@ def _settings(
 ) -> DesignSettings:
     """The design of a vehicle; a plain sweep is the one that its autopilot can fly."""
     from rotorid.flying.designs import sweep_of
+    from rotorid.planning.responses import answers_setpoints
 
     shapes = (sweep_of(named.entry.aircraft) if kind == "sweep" else parse_shape(kind) for kind in kinds)
-    channels = {"inputs": design.get("inputs", ()), "models": design.get("models", ())}
-    return DesignSettings(
+    begun = DesignSettings(
         vehicle=named.entry,
         changes=named.changes,
         kinds=tuple(shapes),
-        plan=plan_settings(named.entry, wind=air.wind, **channels, **plan),
         firmware=named.firmware,
         own=named.own,
         **design,
     )
+    inputs, earlier = begun.inputs, begun.earlier
+    if not inputs and earlier is not None and answers_setpoints(earlier.structure):
+        # The axes of the earlier result.
+        inputs = earlier.structure.inputs
+    planned = plan_settings(named.entry, wind=air.wind, inputs=inputs, models=begun.models, **plan)
+    return replace(begun, plan=planned)
 
 
 def _as_flown(choices: DesignSettings, of_log: AutopilotSettings) -> DesignSettings:

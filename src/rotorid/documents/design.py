@@ -372,8 +372,8 @@ def _prediction(predicted: PlanPrediction) -> PredictionDocument:
                 std_random=parameter.std_random,
                 std_model=parameter.std_model,
                 lowest_std=parameter.lowest_std,
-                cramer_rao_percent=finite(parameter.in_percent(parameter.cramer_rao)),
-                insensitivity_percent=finite(parameter.in_percent(parameter.insensitivity)),
+                cramer_rao_percent=finite(parameter.cramer_rao_percent),
+                insensitivity_percent=finite(parameter.insensitivity_percent),
             )
             for parameter in prediction.parameters
         },

@@ -714,7 +714,7 @@ def _predict_plan(
                 expected_values(model, craft, choices.prior),
                 loop,
                 plan,
-                choices=_fit(choices, model),
+                choices=_fit(choices, model, loop, rehearsal),
                 known_errors=rehearsal.errors,
             )
     except (UsageError, ModelError):
@@ -758,7 +758,7 @@ def _shortest(
                 wanted,
                 shortest_s=_SHORTEST_S,
                 longest_s=_LONGEST_FLIGHT_S,
-                choices=choices.fit if answers else _fit(choices, model),
+                choices=choices.fit if answers else _fit(choices, model, loop, rehearsals[model.name]),
                 foretell=partial(
                     predict_responses,
                     rehearsed=rehearsals[model.name].bounds,
@@ -813,9 +813,10 @@ def _setpoint_entry(choices: DesignSettings, axis: Axis) -> Entry:
     return "attitude_setpoint" if interface is None else interface.entries[axis]
 
 
-def _fit(choices: DesignSettings, model: LinearStructure) -> FitSettings:
-    """How an identification would fit: outputs that sensors measure, unless others were asked for."""
-    measured = tuple(name for name in model.outputs if name in INERTIAL)
+def _fit(choices: DesignSettings, model: LinearStructure, loop: LoopModel, rehearsal: Rehearsal) -> FitSettings:
+    """How an identification would fit: its outputs in a rehearsal, or those that sensors measure, if none are given."""
+    logged = rehearsal.outputs if set(rehearsal.outputs) <= set(loop.outputs) else ()
+    measured = logged or tuple(name for name in model.outputs if name in INERTIAL)
     return choices.fit if choices.fit.outputs or not measured else replace(choices.fit, outputs=measured)
 
 

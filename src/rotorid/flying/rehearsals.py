@@ -81,6 +81,11 @@ class Rehearsal(Immutable):
     def __post_init__(self) -> None:
         self._set(bounds=tuple(self.bounds), least_std=self.least_std)
 
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Outputs that an identification fits to the responses of a rehearsal; empty where there is none."""
+        return self.errors.rehearsals[0].data.outputs if self.errors.rehearsals else ()
+
     @classmethod
     def of(cls, choices: DesignSettings, model: LinearStructure, records: Sequence[FlightRecord]) -> Rehearsal:
         """The rehearsals of a plan for a model.

@@ -31,6 +31,7 @@ from rotorid.models.families import family_of
 from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, yaw_range
 from rotorid.models.parameter import no_such
 from rotorid.models.rotors import RotorLayout
+from rotorid.planning.responses import answers_setpoints
 from rotorid.simulation.multirotor import Multirotor, Rotors
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -661,7 +662,8 @@ def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
     if lag is not None and lag.status != "dropped":
         found["T_motor"] = _number("T_motor", lag, of)
     late = [budget for budget in model.delays.values() if budget.total_s > 0.0]
-    if late:
+    # Behind a set-point the delay is one of the whole loop, and with it in front of the motors that loop would tumble.
+    if late and not answers_setpoints(model.structure):
         first = late[0]
         known_s = first.known_filters_s or 0.0
         own_s = max(first.input_delay_s + first.output_delay_s - known_s, 0.0)

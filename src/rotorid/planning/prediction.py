@@ -217,6 +217,16 @@ class PredictedParameter:
         """The standard deviation in percent of the value as it was given; infinite for a value of zero."""
         return self.in_percent(self.std)
 
+    @property
+    def cramer_rao_percent(self) -> float:
+        """CIFER's bound in percent of the expected estimate, as an identification states it."""
+        return 100.0 * self.cramer_rao / abs(self.expected) if self.expected else np.inf
+
+    @property
+    def insensitivity_percent(self) -> float:
+        """CIFER's insensitivity in percent of the expected estimate, as an identification states it."""
+        return 100.0 * self.insensitivity / abs(self.expected) if self.expected else np.inf
+
     def in_percent(self, number: float) -> float:
         """A number in percent of the value."""
         return 100.0 * number / abs(self.value) if self.value else np.inf

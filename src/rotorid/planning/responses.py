@@ -283,6 +283,9 @@ def predict_responses(
     choices = choices or FitSettings()
     structure = _scoped(structure, loop)
     axes = tuple(SETPOINTS[name].axis for name in structure.inputs)
+    duration_s = plan.duration_s
+    # What moves other axes is in no response of the structure.
+    plan = replace(plan, inputs=tuple(planned for planned in plan.inputs if planned.axis in axes))
     shown = as_planned(plan, axes, loop.log_rate_hz, declared=())
     data = _records(structure, loop, as_planned(plan, axes, loop.loop_rate_hz or loop.log_rate_hz, declared=()))
     solver = LevenbergMarquardt(iterations=100, tolerance=1e-9)
@@ -328,7 +331,7 @@ def predict_responses(
     known = {**weighed.parameters.unpack(ended.theta).values, **values}
     return Prediction(
         plan=plan.name,
-        duration_s=plan.duration_s,
+        duration_s=duration_s,
         parameters=_parameters(
             weighed.parameters, ended.theta, known, stated, covariance, random, scatter, information
         ),

@@ -74,7 +74,12 @@ def stated_bounds(ended: ExpectedFit, scattering: ResidualErrors, known: KnownEr
         return _averaged(quiet, drawn).with_errors(
             quiet.random, mean_covariance([each.covariance - each.random for each in drawn])
         )
-    return _averaged(quiet, found).with_errors(
+    seen = replace(
+        quiet,
+        cramer_rao=np.mean([each.cramer_rao for each in found], axis=0),
+        insensitivity=np.mean([each.insensitivity for each in found], axis=0),
+    )
+    return _averaged(seen, found).with_errors(
         mean_covariance([each.random for each in found]),
         mean_covariance([each.covariance - each.random for each in found]),
     )

@@ -204,7 +204,7 @@ def predicted_rows(prediction: Prediction) -> tuple[PredictedRow, ...]:
 
 def _predicted_row(parameter: PredictedParameter) -> PredictedRow:
     sigmas = parameter.off_sigmas
-    bound, insensitivity = parameter.in_percent(parameter.cramer_rao), parameter.in_percent(parameter.insensitivity)
+    bound, insensitivity = parameter.cramer_rao_percent, parameter.insensitivity_percent
     return PredictedRow(
         name=parameter.name,
         words=parameter_words(parameter.name),
