@@ -660,6 +660,11 @@ KINDS: Mapping[str, Kind] = {
         "The model misses a response by far more than its errors or the other responses.",
     ),
     "sweep_ended_early": Kind("warning", "Sweep ended early", "A sweep ended before its last frequency."),
+    "tie_contradicted": Kind(
+        "warning",
+        "Assumption contradicted by data",
+        "The data contradict a relation that turns what was measured into physical values.",
+    ),
     "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight levels off."),
     "plant_of_choice": Kind(
         "info",

@@ -25,7 +25,7 @@ Models*, Biometrika 73(1), 1986).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,7 +33,7 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, slow_taps
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
 from rotorid.flights.motor_data import MotorData
@@ -42,6 +42,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.sandwich import by_bands
 
 ACCELEROMETER_BIAS_M_S2 = 0.05
 """Of a calibrated accelerometer."""
@@ -110,8 +111,15 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
     if len(scores) > 1:
         moved = inverse @ np.stack(list(scores.values()), axis=1)
         found = _beyond(moved @ moved.T * len(scores) / (len(scores) - 1.0), random)
+    found += _between_bands(fit, random + found)
     steps = [_slow_step(slow_normal, slow_score, inverse), *_left_out(blocks, inverse)]
     return found + sum((np.outer(step, step) for step in steps), start=np.zeros_like(found))
+
+
+def _between_bands(fit: MotorFit, known: FloatArray) -> FloatArray:
+    """What bands of half an octave disagree about beyond a covariance: pieces and bands see one misfit."""
+    variance = by_bands(fit.parts()).diagonal()
+    return np.diag(np.maximum(variance - known.diagonal(), 0.0))
 
 
 def _slow_step(normal: FloatArray, score: FloatArray, inverse: FloatArray) -> FloatArray:
@@ -271,6 +279,8 @@ def with_model_errors(
     - Motors that were logged too slowly did between their samples what the log does not show. Errors of the outputs
       pull gains toward zero by up to :math:`r^2`, errors of the motion push them away by as much: half the way from one
       regression to the other, :math:`(1/r^2 - 1)/2`, counts as one standard deviation; of lag and delays, half a step.
+      So it does for a rate that was fitted in octaves: moments of the air, which the controller answers to, are a large
+      part of its motion there, and no model of their color is sure enough to take them out.
     - A controller that answers to gusts moves thrust with the specific force that they cause, and errors of the force
       are not whitened: half the way between both regressions, likewise.
     - Damping is by the velocity through the air, and known is that over ground.
@@ -280,11 +290,13 @@ def with_model_errors(
     shifted = _by_bias(fit)
     covariance += np.outer(shifted, shifted)
     values = parameters.values
-    directions = [*_by_sensors(values), *_by_clocks(data)]
+    directions = [*_by_sensors(values), *_by_clocks(values, data)]
     if curve_assumed:
         directions.append(_of_slope(values, CURVE_SHARE))
     if data.slow:
         directions += list(_by_slow_motors(parameters, fit, data))
+    else:
+        directions += list(_by_regressions(values, fit, _in_octaves))
     directions += list(_by_gusts(values, fit))
     for direction in directions:
         row = np.array([direction.get(name, 0.0) for name in bounds.names])
@@ -307,11 +319,15 @@ def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
     yield _of_slope(values, THRUST_SHARE)
 
 
-def _by_clocks(data: MotorData) -> Iterator[Mapping[str, float]]:
+def _by_clocks(values: Mapping[str, float], data: MotorData) -> Iterator[Mapping[str, float]]:
     """A shift of either end of a delay; lag and delay are separated by less than a sample."""
     late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in data.records)
     yield dict.fromkeys(DELAYS, late_s)
     yield from ({name: late_s} for name in ("T_motor", *DELAYS))
+    # No sensor leads: what a delay lacks to zero is an error of stamps or filters, which lag and delay share.
+    for name in DELAYS:
+        if values.get(name, 0.0) < 0.0:
+            yield {name: values[name], "T_motor": -values[name]}
 
 
 def _by_bias(fit: MotorFit) -> FloatArray:
@@ -331,15 +347,27 @@ def _by_bias(fit: MotorFit) -> FloatArray:
 def _by_slow_motors(parameters: ParameterSet, fit: MotorFit, data: MotorData) -> Iterator[Mapping[str, float]]:
     step_s = 1.0 / min(history.sample_rate_hz for history in data.histories)
     yield from ({name: 0.5 * step_s} for name in ("T_motor", *DELAYS))
+    yield from _by_regressions(parameters.values, fit, lambda _: True)
+
+
+def _in_octaves(excitation: Excitation) -> bool:
+    """Whether an axis was fitted above moments of the air that hide the motors below."""
+    return excitation.band_hz != SLOW_BAND_HZ
+
+
+def _by_regressions(
+    values: Mapping[str, float], fit: MotorFit, counts: Callable[[Excitation], bool]
+) -> Iterator[Mapping[str, float]]:
+    """Half the way between the regressions of motion on motors and of motors on motion, axis by axis."""
     for axis, names in _GAINS.items():
         correlations = [
             excitations[axis].correlation
             for excitations in fit.excitations
-            if excitations[axis].correlation >= LEAST_CORRELATION
+            if excitations[axis].correlation >= LEAST_CORRELATION and counts(excitations[axis])
         ]
         if correlations:
             share = 0.5 * (1.0 / float(np.mean(correlations)) ** 2 - 1.0)
-            yield {name: share * parameters[name].value for name in names if name in parameters.names}
+            yield {name: share * values[name] for name in names if name in values}
 
 
 def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str, float]]:

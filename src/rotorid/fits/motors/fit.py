@@ -241,7 +241,8 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
     random, memory = motor_bounds(fit)
     model = motor_model_error(fit, random.random)
     assumed = choices.curve == "auto" and "az" not in fit.problem.axes and not data.straightened
-    assumed = assumed and data.kind != "speed"
+    # The square of measured speeds is trusted where thrust did not move, and not where it moved another way.
+    assumed = assumed and (data.kind != "speed" or "az" in excited_axes(fit.excitations))
     # The weight gives thrust at hover whatever the curve is; its slope is another matter.
     at_hover = with_model_errors(random, parameters, fit, data, curve_assumed=False, model=model)
     bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)

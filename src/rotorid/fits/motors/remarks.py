@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import TWO_SIDED_95, minus
 from rotorid.fits.motors.errors import CURVE_SHARE
 from rotorid.fits.motors.fit import last_move, physical_contradictions
 from rotorid.fits.motors.fitted import FittedMotors
@@ -16,6 +17,7 @@ from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
 from rotorid.fitting.motors.inertia import compare_regressions
 from rotorid.models.motors import (
     CURVE_TERMS,
+    DELAYS,
     SPIN_UP,
     YAW_DELAY,
     check_figure_of_merit,
@@ -29,6 +31,9 @@ _GOOD_PERCENT = 50.0
 
 _OPPOSED = 0.6
 """Correlation of motors and motion against each other, beyond which the layout is another one."""
+
+_LEAST_LEAD_S = 0.001
+"""Lead of a sensor that clocks of logs have among themselves."""
 
 _DOUBTFUL = 0.2
 """Share of what a curve of thrust leaves that follows the outputs all the same, from which the curve is doubted."""
@@ -47,6 +52,7 @@ def judge_motors(
         *_unexcited(identified),
         *_turned_around(identified),
         *_assumed(identified),
+        *_ahead(identified),
         *judge_loads(identified.logs, identified.voltage),
         *_doubted(identified, choices),
         *_unused(identified, choices),
@@ -100,14 +106,37 @@ def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
 def _assumed(identified: FittedMotors) -> Iterator[Finding]:
     if not identified.curve_assumed:
         return
+    reason = (
+        "Thrust changed, but not as the measured speeds would have it; inertia depends on the slope of the "
+        f"{identified.curve} curve. "
+        if identified.data.kind == "speed"
+        else f"Thrust did not change, so a {identified.curve} thrust curve was assumed; inertia depends on its slope. "
+    )
     yield warn(
         "assumed_curve",
         "thrust",
-        f"Thrust did not change, so a {identified.curve} thrust curve was assumed; inertia depends on its slope. "
-        f"The errors of thrust and inertia include {100.0 * CURVE_SHARE:.0f} % for that. Fly a throttle sweep, "
-        "or give the known curve with --curve.",
+        f"{reason}The errors of thrust and inertia include {100.0 * CURVE_SHARE:.0f} % for that. Fly a throttle sweep "
+        "in hover, or give the known curve with --curve.",
         share=CURVE_SHARE,
     )
+
+
+def _ahead(identified: FittedMotors) -> Iterator[Finding]:
+    """Sensors that would show motion before it happens."""
+    for name in DELAYS:
+        if name not in identified.bounds.names:
+            continue
+        value_s, std_s = identified.parameters[name].value, identified.bounds.random_stds[name]
+        if value_s < -TWO_SIDED_95 * std_s and value_s < -_LEAST_LEAD_S:
+            yield warn(
+                "tie_contradicted",
+                name,
+                f"{name} = {minus(f'{1e3 * value_s:.1f}')} ms: no sensor shows motion before it happens. The filter in "
+                "the log, or the time stamps of motors and sensors, are off by at least as much; the errors of lag "
+                "and delay include that.",
+                delay_s=value_s,
+                std_s=std_s,
+            )
 
 
 def _doubted(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
