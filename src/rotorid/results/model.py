@@ -551,6 +551,7 @@ def bounds_of(bounds: Bounds, names: Sequence[str]) -> Bounds:
         insensitivity=bounds.insensitivity[rows],
         covariance=bounds.covariance[np.ix_(rows, rows)],
         random=bounds.random[np.ix_(rows, rows)],
+        assumed=None if bounds.assumed is None else bounds.assumed[rows],
     )
 
 
@@ -558,6 +559,10 @@ def parameter_estimates(parameters: ParameterSet, bounds: Bounds) -> dict[str, P
     """Every parameter with its uncertainty."""
     rows = {name: index for index, name in enumerate(bounds.names)}
     total = np.sqrt(np.diag(covariance_of_all(parameters, bounds)))
+    if bounds.assumed is not None:
+        # Derivatives were measured: what is assumed to read physical parameters from them is no error of theirs.
+        measured = np.sqrt(np.diag(covariance_of_all(parameters, bounds.of_response)))
+        total = np.where([parameter.tied is not None for parameter in parameters], measured, total)
     random = np.sqrt(np.diag(covariance_of_all(parameters, replace(bounds, covariance=bounds.random))))
     values = parameters.values
     return {

@@ -66,6 +66,9 @@ class Bounds(Immutable):
         Order of the autoregression that describes this color; zero where none does, or none was asked.
     model_error
         What the structure leaves out, where that was looked for.
+    assumed
+        Columns whose outer products are in the covariance too, shape ``(p, k)``: what assumptions may be wrong by that
+        make physical parameters out of the response, and leave the response as it is.
     """
 
     names: tuple[str, ...]
@@ -76,6 +79,7 @@ class Bounds(Immutable):
     inflation: float
     ar_order: int = 0
     model_error: ModelError | None = None
+    assumed: FloatArray | None = None
 
     def __post_init__(self) -> None:
         self._set(
@@ -84,6 +88,13 @@ class Bounds(Immutable):
             insensitivity=read_only(self.insensitivity, np.float64, ndim=1),
             covariance=read_only(self.covariance, np.float64, ndim=2),
         )
+
+    @property
+    def of_response(self) -> Bounds:
+        """The same without what leaves the response as it is."""
+        if self.assumed is None:
+            return self
+        return replace(self, covariance=self.covariance - self.assumed @ self.assumed.T, assumed=None)
 
     @property
     def std(self) -> FloatArray:

@@ -172,7 +172,7 @@ def response_confidence(
     UsageError
         The bounds are of other free parameters.
     """
-    root = _root(parameters, bounds)
+    root = _root(parameters, bounds.of_response)
     response, derivative = structure.response_and_jacobian(parameters.values, omega_rad_s, parameters.directions)
     silent = response == 0.0
     slope = derivative / np.where(silent, 1.0, response)
@@ -204,7 +204,7 @@ def pole_confidence(structure: LinearStructure, parameters: ParameterSet, bounds
     ModelError
         The algebraic equations of the model do not determine their states.
     """
-    root = _root(parameters, bounds)
+    root = _root(parameters, bounds.of_response)
     system, derivatives = structure.matrices_and_jacobian(parameters.values, parameters.directions)
     poles, left, right = _modes(system)
     dM, dF = derivatives[0], derivatives[1]

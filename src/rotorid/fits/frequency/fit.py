@@ -22,6 +22,7 @@ from rotorid.fits.data_requirements import main_pairs, require_known_gain, requi
 from rotorid.fits.frequency.windows import measured_with_model
 from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_parameters, judge_structure, structure_evidence
 from rotorid.fits.searching import Searched, judge_minima, searched
+from rotorid.fits.ties import judge_ties, with_rotor_share
 from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
@@ -52,6 +53,7 @@ from rotorid.uncertainty.cramer_rao import (
     bounds,
 )
 from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.ties import TieTest, tie_tests, with_dropped_delays, with_ties
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +84,8 @@ class FrequencyFit:
         The search that the fit began at, if any.
     bootstrap
         Refits to noise drawn anew, where they were asked for.
+    ties
+        Tests of relations between its parameters.
     """
 
     problem: FrequencyProblem
@@ -95,6 +99,7 @@ class FrequencyFit:
     findings: tuple[Finding, ...]
     search: Searched | None = None
     bootstrap: Bootstrap | None = None
+    ties: tuple[TieTest, ...] = ()
 
     @property
     def listed(self) -> ParameterSet:
@@ -219,6 +224,9 @@ def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettin
     problem, solution, final, weights, limits = ended.problem, ended.solution, ended.final, ended.weights, ended.limits
     findings = (*findings, *ended.findings)
     parameters = problem.parameters.unpack(final.theta)
+    ties = tie_tests(problem, final, weights=weights)
+    limits = with_dropped_delays(with_ties(limits, ties), problem, final, weights=weights)
+    limits = with_rotor_share(parameters, limits, problem.structure.name)
     require_known_gain(problem.structure.gain, parameters, limits)
     costs = problem.costs(final.theta)
     mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
@@ -230,6 +238,7 @@ def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettin
         *judge_fit(problem, replace(solution, at_bound=final.at_bound), mean_cost),
         *judge_structure(problem, costs, limits, structure_evidence(problem, limits, final.theta)),
         *judge_minima(search, parameters, limits),
+        *judge_ties(parameters, limits, ties),
     )
     return FrequencyFit(
         problem=problem,
@@ -242,6 +251,7 @@ def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettin
         steps=steps,
         findings=remarks,
         search=search,
+        ties=ties,
     )
 
 

@@ -91,7 +91,7 @@ def _with_reasons(
     What is left out is decided with all parameters: a model that was reduced to follow such a response follows none.
     """
     whole = replace(settings, reduce=False)
-    fitted = fit_with_bounds(problem, measured, whole)
+    fitted = everything = fit_with_bounds(problem, measured, whole)
     main, left_out = main_pairs(problem), dict[tuple[int, int], Finding]()
     may_go = int(np.count_nonzero(problem.used.any(axis=-1)) * _LEFT_OUT_SHARE)
     while poor_pairs := {place: finding for place, finding in _poor_pairs(fitted).items() if place not in main}:
@@ -114,8 +114,28 @@ def _with_reasons(
         fitted = fit_with_bounds(problem, measured, settings)
     findings = (replace(finding, message=f"{finding.message} It was left out.") for finding in left_out.values())
     fitted = replace(fitted, findings=(*findings, *fitted.findings))
+    if left_out:
+        fitted = _with_ties_of(everything, fitted)
     poor = _poor_pairs(fitted)
     return fitted, [replace(finding, severity="error") for finding in poor.values()] + _reasons_to_refuse(fitted)
+
+
+def _with_ties_of(everything: FrequencyFit, fitted: FrequencyFit) -> FrequencyFit:
+    """The fit with what contradicted its ties before those responses went that showed it."""
+    against = [test for test in everything.ties if test.contradicted]
+    known = {finding.where for finding in fitted.findings if finding.kind == "tie_contradicted"}
+    more = [f for f in everything.findings if f.kind == "tie_contradicted" and f.where not in known]
+    covariance = fitted.bounds.covariance.copy()
+    values = fitted.parameters.values
+    for test in against:
+        if test.name in known:
+            continue
+        there = everything.final.theta + test.released
+        free = dict(zip(everything.bounds.names, there.tolist(), strict=True))
+        moved = np.array([free.get(name, values[name]) - values[name] for name in fitted.bounds.names])
+        covariance += np.outer(moved, moved)
+    bounds = replace(fitted.bounds, covariance=covariance)
+    return replace(fitted, bounds=bounds, findings=(*fitted.findings, *more))
 
 
 def _without_speed_modes(above: FrequencyFit, whole: FrequencyFit) -> FrequencyFit:
