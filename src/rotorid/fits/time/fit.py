@@ -7,6 +7,7 @@ outputs, or of the equations of motion, corrected for its color.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -17,12 +18,19 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
-from rotorid.errors import UsageError
+from rotorid.errors import RotoridError, UsageError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, refuse_search, searched
-from rotorid.fits.time.records_alone import bounds_in_time, clocks_of, fit_each_record, parts_at
+from rotorid.fits.time.records_alone import (
+    bounds_in_time,
+    clocks_of,
+    estimate_of,
+    fit_each_record,
+    parts_at,
+    repeated,
+)
 from rotorid.fitting.equations.equation_error import EquationErrorFit, EquationScore, fit_equation_error
 from rotorid.fitting.equations.regression import InBand, InTime
 from rotorid.fitting.equations.rows import EquationDomain
@@ -207,6 +215,7 @@ class _Ended(NamedTuple):
     search: Searched | None = None
     posed: RecordsProblem | None = None
     bounds: Bounds | None = None
+    alone: tuple[LogEstimate, ...] = ()
 
 
 def fit_in_time(
@@ -383,9 +392,34 @@ def _by_equations(
     problem = problem.with_noise(noise)
     rate_hz = min(record.sample_rate_hz for record in records.data)
     clocks = clocks_of(problem, found.pack())
-    bounds = equation_bounds(fit, domain, sample_rate_hz=rate_hz, clocks=clocks)
-    parts = problem.parts(found.pack())
-    return _Ended(problem, fit.solution, parts, log_likelihood(problem), length_s, fit.findings, fit, bounds=bounds)
+    alone = _equations_of_each(structure, found, records, domain)
+    bounds = equation_bounds(fit, domain, sample_rate_hz=rate_hz, alone=alone, clocks=clocks)
+    return _Ended(
+        problem,
+        fit.solution,
+        problem.parts(found.pack()),
+        log_likelihood(problem),
+        length_s,
+        fit.findings,
+        fit,
+        bounds=bounds,
+        alone=alone,
+    )
+
+
+def _equations_of_each(
+    structure: LinearStructure, parameters: ParameterSet, records: TimeRecords, domain: EquationDomain
+) -> tuple[LogEstimate, ...]:
+    """The equations of each record alone, where there are several that move every input."""
+    if not repeated(records):
+        return ()
+    found = []
+    for segment, data in zip(records.segments, records.data, strict=True):
+        with contextlib.suppress(RotoridError):  # a record may be too short for what all show together
+            fit = fit_equation_error(structure, parameters, [data], domain=domain, hold=records.hold)
+            own = equation_bounds(fit, domain, sample_rate_hz=data.sample_rate_hz)
+            found.append(estimate_of(segment, fit.parameters, own))
+    return tuple(found)
 
 
 def _without(parameters: ParameterSet, left: Sequence[str]) -> ParameterSet:
@@ -468,7 +502,7 @@ def growth(structure: LinearStructure, parameters: ParameterSet) -> float:
 def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod, records: TimeRecords) -> TimeFit:
     parameters, posed = ended.problem.parameters, ended.posed
     by = ended.by_equations
-    alone: tuple[LogEstimate, ...] = ()
+    alone = ended.alone
     if by is not None:
         assert ended.bounds is not None
         bounds, whole = ended.bounds, _without(whole, by.left)

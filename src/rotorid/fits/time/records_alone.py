@@ -27,7 +27,9 @@ from rotorid.fitting.time.output_error import (
     own_starts,
 )
 from rotorid.flights.segments import TimeRecords
+from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure, answers
+from rotorid.results.model import Segment
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.clocks import clock_groups, clock_shifts
@@ -116,18 +118,25 @@ def fit_each_record(problem: RecordsProblem, solution: Solution, records: TimeRe
     records
         What was fitted, which the problem may hold in pieces.
     """
-    moved = np.array([moving(data.inputs) for data in records.data])
-    if len(records.data) < 2 or not moved.all():
+    if not repeated(records):
         return ()
-    found = []
-    for place, (segment, data) in enumerate(
-        zip(records.segments, _grouped(problem.records, records.data), strict=True)
-    ):
-        name = f"{segment.record} at {segment.history.start_s:.1f} s"
-        _PROGRESS.info(f"fitting {name} alone", extra={"done": place, "total": len(records.data)})
+    found, groups = [], _grouped(problem.records, records.data)
+    for place, (segment, data) in enumerate(zip(records.segments, groups, strict=True)):
+        _PROGRESS.info(f"fitting {segment.record} alone", extra={"done": place, "total": len(records.data)})
         with contextlib.suppress(RotoridError):  # a record may be too short for what all show together
-            found.append(_alone(replace(problem, records=data), solution, name))
+            found.append(_alone(replace(problem, records=data), solution, segment))
     return tuple(found)
+
+
+def repeated(records: TimeRecords) -> bool:
+    """Whether there are several records that each move every input."""
+    return len(records.data) > 1 and all(bool(moving(data.inputs).all()) for data in records.data)
+
+
+def estimate_of(segment: Segment, parameters: ParameterSet, bounds: Bounds) -> LogEstimate:
+    """What one record alone says, named by its start."""
+    name = f"{segment.record} at {segment.history.start_s:.1f} s"
+    return LogEstimate(record=name, values=parameters.values, stds=bounds.stds, random=bounds.random_stds)
 
 
 def _grouped(parts: Sequence[TimeData], records: Sequence[TimeData]) -> Iterator[tuple[TimeData, ...]]:
@@ -140,11 +149,10 @@ def _grouped(parts: Sequence[TimeData], records: Sequence[TimeData]) -> Iterator
         yield tuple(group)
 
 
-def _alone(problem: RecordsProblem, solution: Solution, name: str) -> LogEstimate:
+def _alone(problem: RecordsProblem, solution: Solution, segment: Segment) -> LogEstimate:
     fit = _fitted(problem, solution.theta)
     random, parts, held = _random(fit.problem, fit.solution)
-    found = with_time_error(random, parts, held=held)
-    return LogEstimate(record=name, values=fit.parameters.values, stds=found.stds, random=found.random_stds)
+    return estimate_of(segment, fit.parameters, with_time_error(random, parts, held=held))
 
 
 def _fitted(problem: RecordsProblem, start: FloatArray) -> Fit:

@@ -136,12 +136,16 @@ def test_a_structure_without_the_delay_has_a_model_error() -> None:
     assert found.bounds.stds["T_phi"] > 2.0 * found.bounds.random_stds["T_phi"]
 
 
-def test_equations_state_a_model_error_and_clocks_too() -> None:
-    log = Flight(flight(noise=0.002, form="response.first_order_delay", truth=LAGGED), WHOLE)
-    records = time_records(FIRST, [log], IdentifySettings())
-    bounds = fit_in_time(FIRST, records, IdentifySettings(band_rad_s=(1.0, 12.0)), method="equation_error").bounds
-    assert (bounds.model_std >= 0.0).all()
-    assert bounds.stds["tau_phi"] > 0.15 * 2.0**0.5 / 50.0
+def test_equations_state_a_model_error_records_and_clocks_too() -> None:
+    logs = [
+        Flight(flight(seed=seed, noise=0.002, form="response.first_order_delay", truth=LAGGED), WHOLE)
+        for seed in (0, 1)
+    ]
+    records = time_records(FIRST, logs, IdentifySettings())
+    found = fit_in_time(FIRST, records, IdentifySettings(band_rad_s=(1.0, 12.0)), method="equation_error")
+    assert (found.bounds.model_std >= 0.0).all()
+    assert found.bounds.stds["tau_phi"] > 0.15 * 2.0**0.5 / 50.0
+    assert [log.record for log in found.alone] == ["flight0.csv at 3.0 s", "flight1.csv at 3.0 s"]
 
 
 def test_an_interval_reaches_to_responses_that_contradict_it() -> None:
