@@ -51,7 +51,7 @@ def tilts(rng: np.random.Generator, samples: int) -> FloatArray:
     """Roll and pitch that go from one tilt to the next within a second, at a steady height."""
     corners = np.arange(0, samples + 20, 20)
     values = 0.35 * rng.choice([-1.0, 1.0], (2, corners.size))
-    return np.stack([*(np.interp(np.arange(samples), corners, row) for row in values), np.zeros(samples)])
+    return np.stack([*(np.interp(np.arange(samples), corners, row) for row in values), *np.zeros((2, samples))])
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic"])

@@ -509,8 +509,8 @@ AXES = ("phi", "theta", "psi_dot", "velocity_down")
 _DRAG = ("k_Dx", "k_Dy")
 _PLAIN = ("north", "east", "down", "velocity_north", "velocity_east")
 _OUTPUTS = ("north", "east", "down", "velocity_north", "velocity_east", "velocity_down", "phi", "theta", "psi")
-_FORWARD = "(velocity_north*cos(psi) + velocity_east*sin(psi))"
-_RIGHT = "(velocity_east*cos(psi) - velocity_north*sin(psi))"
+_FORWARD = "(velocity_north*cos(psi) + velocity_east*sin(psi) - velocity_down*tan(theta))"
+_RIGHT = "(velocity_east*cos(psi) - velocity_north*sin(psi) + velocity_down*tan(phi)/cos(theta))"
 _LIFT = "-(g - acceleration_down)"
 _NORTH = (
     f"{_LIFT}*(cos(psi)*tan(theta) + sin(psi)*tan(phi)/cos(theta)) - k_Dx*cos(psi)*{_FORWARD} + k_Dy*sin(psi)*{_RIGHT}"

@@ -191,7 +191,7 @@ def test_a_state_without_values_is_no_error() -> None:
 def test_a_flight_is_fast_enough_to_be_fitted() -> None:
     """Not a stopwatch: the number of operations for every stage of a step, on which the time depends."""
     dynamics = nonlinear_model("flight.first_order").dynamics
-    assert len(dynamics.tape.operations) - dynamics.tape.settled <= 160
+    assert len(dynamics.tape.operations) - dynamics.tape.settled <= 200
     assert len(dynamics.slopes) <= 45
 
 

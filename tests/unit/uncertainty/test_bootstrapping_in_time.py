@@ -133,7 +133,7 @@ def test_parameters_of_a_nonlinear_model_have_a_spread_too() -> None:
     rng, truth = np.random.default_rng(0), model.parameters.with_values({"k_Dx": 0.3, "k_Dy": 0.45})
     corners = 0.35 * rng.choice([-1.0, 1.0], (2, 16))
     tilts = [np.interp(np.arange(300), 20 * np.arange(16), row) for row in corners]
-    u = np.stack([*tilts, np.zeros(300)])
+    u = np.stack([*tilts, np.zeros(300), np.zeros(300)])
     y = simulate_nonlinear(model, truth.values, u, sample_rate_hz=20.0, before=u[:, 0], scheme=scheme)
     noisy = y + 0.02 * rng.standard_normal(y.shape)
     record = TimeData(name="twin", inputs=u, outputs=noisy, sample_rate_hz=20.0)

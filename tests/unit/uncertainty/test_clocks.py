@@ -23,7 +23,7 @@ def tilts(rng: np.random.Generator, samples: int) -> FloatArray:
     binary = np.repeat(0.1 * rng.choice([-1.0, 1.0], (2, samples // 10)), 10, axis=1)
     kernel = np.exp(-np.arange(20) / 4.0)
     smooth = [np.convolve(row, kernel / kernel.sum())[:samples] for row in binary]
-    return np.stack([*smooth, np.zeros(samples)])
+    return np.stack([*smooth, np.zeros(samples), np.zeros(samples)])
 
 
 def drag_problem(seed: int) -> NonlinearProblem:
@@ -57,7 +57,7 @@ def test_a_step_is_the_refit(seed: int) -> None:
 def test_attitudes_against_speeds_move_drag() -> None:
     """To speeds that oscillate with omega a clock that is late by tau is a drag of about omega squared times tau."""
     fit = fit_nonlinear(drag_problem(1))
-    attitudes, _, speeds = clock_shifts(fit.problem, fit.solution.theta)
+    attitudes, _, _, speeds = clock_shifts(fit.problem, fit.solution.theta)
     np.testing.assert_allclose(attitudes, -speeds, rtol=0.3)
     assert (np.abs(attitudes) > 1e-3).all()
 

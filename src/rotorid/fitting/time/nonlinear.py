@@ -341,7 +341,7 @@ def fit_nonlinear(
     >>> from rotorid.models.library import nonlinear_model
     >>> drag = nonlinear_model("drag.quadratic").select(["velocity_forward"])
     >>> time_s = np.arange(50) / 20.0
-    >>> slowing = TimeData(name="slowing", inputs=np.zeros((3, 50)), outputs=2.0 / (1.0 + 0.6 * time_s)[None],
+    >>> slowing = TimeData(name="slowing", inputs=np.zeros((4, 50)), outputs=2.0 / (1.0 + 0.6 * time_s)[None],
     ...                    sample_rate_hz=20.0)
     >>> fit = fit_nonlinear(NonlinearProblem(structure=drag, parameters=drag.parameters, records=(slowing,)))
     >>> round(fit.estimate.parameters["k_Dx"].value, 4)

@@ -36,10 +36,10 @@ def flown(wind_m_s: float, gusts_m_s: float, seed: int) -> TimeData:
         input_delays=(*MODEL.input_delays, Expression()),
         equations=(MODEL.equations[0] + Expression.symbol("k_Dy") * Expression.symbol("air"),),
     )
-    u = np.stack([roll, np.zeros(samples), np.zeros(samples), air])
+    u = np.stack([roll, *np.zeros((3, samples)), air])
     y = simulate_nonlinear(blown, {"k_Dy": TRUTH}, u, sample_rate_hz=RATE_HZ, before=u[:, 0], scheme=SCHEME)
     noisy = y + 0.02 * rng.standard_normal(y.shape)
-    return TimeData(name="blown", inputs=u[:3], outputs=noisy, sample_rate_hz=RATE_HZ)
+    return TimeData(name="blown", inputs=u[:4], outputs=noisy, sample_rate_hz=RATE_HZ)
 
 
 def fitted(data: TimeData, *, constants: bool, pieces_s: float | None = None) -> NonlinearFit:
