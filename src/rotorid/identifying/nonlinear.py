@@ -41,7 +41,7 @@ from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_n
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
-from rotorid.flights.segments import TimeRecords, source_of
+from rotorid.flights.segments import TimeRecords, holds, source_of
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
@@ -52,6 +52,7 @@ from rotorid.results.summary import Checks, Fit, FitEnd
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.verifying import VerifySettings
+from rotorid.signal.stamps import CLOCK_SAMPLES, clock_error_s
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.uncertainty.clocks import clock_shifts
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
@@ -235,7 +236,7 @@ class Nonlinear:
             fit, posing = self._beside_wind(data, fit, posing)
         estimates = self._fit_each_record(data, fit, posing)
         scattered = disagreements(estimates)
-        bounds = self._bounds(fit, estimates)
+        bounds = self._bounds(data, fit, estimates)
         fitted = FittedNonlinear(
             model=replace(data.whole, parameters=fit.estimate.parameters),
             outputs=structure.outputs,
@@ -257,14 +258,15 @@ class Nonlinear:
         problem = self._posed(posing, data.parameters, data.records, data.records.data)
         return fit_nonlinear(problem, solver=self.solver).estimate.parameters
 
-    def _bounds(self, fit: NonlinearFit, alone: Sequence[LogEstimate]) -> Bounds:
+    def _bounds(self, data: NonlinearData, fit: NonlinearFit, alone: Sequence[LogEstimate]) -> Bounds:
         """Random errors by the color of the residuals; what equations leave out, records that differ, and clocks."""
         theta, names = fit.solution.theta, fit.problem.parameters.free
         parts = fit.problem.parts(theta)
         bounds = bounds_of_parts(parts, names)
         if not self.flies:
             return bounds
-        clocks = [dict(zip(names, row, strict=True)) for row in clock_shifts(fit.problem, theta).tolist()]
+        shifts = clock_shifts(fit.problem, theta, late=_late(data))
+        clocks = [dict(zip(names, row, strict=True)) for row in shifts.tolist()]
         return with_time_error(bounds, parts, alone=alone, added=clocks)
 
     def _beside_wind(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[NonlinearFit, Posing]:
@@ -501,6 +503,17 @@ def _fixed_at_rest(
     return parameters, tuple(
         remark("no_excitation", name, f"{words}, so {name} was fixed at {parameters[name].value:g}.") for name in fixed
     )
+
+
+def _late(data: NonlinearData) -> float:
+    """Standard deviation of the clock of a channel, in samples; of several logs the largest."""
+    found = []
+    for flight in data.flights:
+        names = [n for n in (*data.structure.inputs, *data.structure.outputs) if holds(flight.record, n)]
+        late_s = clock_error_s(flight.record, names, [(flight.maneuver.start_s, flight.maneuver.stop_s)])
+        found.append(late_s * max(record.sample_rate_hz for record in data.records.data))
+    # Channels that are all computed have no stamps.
+    return min(max(found), CLOCK_SAMPLES) or CLOCK_SAMPLES
 
 
 def _disturbance(
