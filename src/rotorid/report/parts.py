@@ -224,6 +224,7 @@ _CONSTANTS = {
     "g": ("m/s²", 1.0),
     **dict.fromkeys(("U0", "V0", "W0"), ("m/s", 1.0)),
     **dict.fromkeys(("theta0", "phi0"), ("°", 180.0 / math.pi)),
+    **dict.fromkeys(("D_x", "D_y"), ("m/s²", 1.0)),
     "z_imu": ("m", 1.0),
 }
 """Unit of paper of the constants of the library, and its factor; others are shown unchanged."""
