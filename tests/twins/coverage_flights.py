@@ -1,10 +1,11 @@
 """Flights for the study of intervals: weathers, logs that are flown once and kept, and what is true of each flight.
 
-True is the exact linearization about hover in the mean wind of the sweeps. Three numbers are moved to what a flight
-shows of them:
+True is the exact linearization in hover and still air. Four things are moved to what a flight shows of them:
 
 - ``Z_thrust`` of rotors whose thrust is quadratic in what is commanded: the slope at the mean command of the sweep;
 - ``T_motor`` of rotors that speed up and slow down differently: fast motion shows a lag below the mean of the two;
+- derivatives of vehicles whose rotors drag or whose thrust falls with inflow, in wind: those of level flight at the
+  mean velocity through the air during the sweep, since couplings that are zero in hover are none there;
 - where nothing is true in hover, the slope as flown: the exact force of the air, by the simulator's true velocity
   through it, regressed on that velocity during the sweep. These are the speed derivatives of ``ardupilot_quad``, whose
   drag is quadratic, and the damping of the rate models of the S500, which leave out what else turns it.
@@ -30,15 +31,16 @@ from tests.twins.motor_twins import write_layout
 import rotorid
 from rotorid.data.flight_plan import FlightPlan, SimulatedFlight
 from rotorid.data.record import FlightRecord
+from rotorid.errors import UsageError
 from rotorid.flying.designs import plan_for, sweep_of
 from rotorid.flying.settings import PlanSettings, SimulateSettings
 from rotorid.flying.simulation import fly_run, truth_of, write_run
 from rotorid.planning.amplitude import Limits
 from rotorid.settings.motors import MotorSettings
-from rotorid.simulation.linearization import hover_derivatives_of
+from rotorid.simulation.linearization import FORCES_AND_MOMENTS, hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 DEV_WEATHERS: Mapping[str, Wind] = MappingProxyType(
     {
@@ -65,9 +67,9 @@ DEV_SEEDS, FINAL_SEEDS = (101, 102, 103), (201, 202, 203)
 """Seeds for work on the methods, and seeds that nobody looks at before the work is done."""
 S500_SPEED, S500_GUSTS = 0.25, 0.15
 """Share of a wind in which the linear S500 flies: M_w u turns it over in more, with no test input at all."""
-ROOM_M = 60.0
-LEANING_DEG: Mapping[str, float] = MappingProxyType({"px4_quad": 40.0})
-"""Tilt limit in wind of a vehicle that leans by 25 degrees without a test input; 25 degrees elsewhere."""
+ROOM_M, HEIGHT_M, TILT_RAD = 60.0, 5.0, math.radians(25.0)
+WIDER = (1.0, 1.6, 2.4)
+"""Factors on the limits of tilt and height, tried in turn: a vehicle may lean by 25 degrees without a test input."""
 BEHIND_SETPOINTS = "bebop"
 """Its log has set-points, attitudes, velocities at 20 Hz: what is true of it is the linear drag of its body."""
 BINARY = PlanSettings(
@@ -76,11 +78,11 @@ BINARY = PlanSettings(
     axes=("roll", "pitch"),
     duration_s=40.0,
     band_rad_s=(0.5, 6.0),
-    limits=Limits(tilt_rad=0.4, position_m=ROOM_M),
 )
 QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
-SMALLEST = 0.01
-"""A slope that wind alone makes counts as zero below it, in SI units of a derivative."""
+STILL_M_S = 0.3
+COLUMNS = {"roll": ("v", "p", "roll"), "pitch": ("u", "q", "pitch"), "yaw": ("r", "yaw"), "thrust": ("w", "thrust")}
+"""Columns of derivatives that the sweep of an axis shows."""
 SLOPES_OF_DRAG = {"X_u": ("pitch", 0), "Y_v": ("roll", 1), "Z_w": ("thrust", 2)}
 DAMPING = {"L_p": ("roll", 3), "M_q": ("pitch", 4), "N_r": ("yaw", 5), "Z_w": ("thrust", 2)}
 
@@ -137,19 +139,24 @@ def wind_of(vehicle: str, weather: str) -> Wind:
 
 @lru_cache
 def plan_of(vehicle: str, weather: str) -> FlightPlan:
-    """Sweeps on all axes, as large as the wind leaves room for."""
-    craft, wind = SimulateSettings(vehicle=vehicle).aircraft, wind_of(vehicle, weather)
-    if vehicle == BEHIND_SETPOINTS:
-        return plan_for(craft, replace(BINARY, wind=wind)).plan
-    tilt_deg = LEANING_DEG.get(vehicle, 25.0) if wind.speed_m_s > 2.5 else 25.0
-    choices = PlanSettings(
-        shape=sweep_of(craft),
-        entry="stick" if craft.autopilot.kind == "px4" else None,
-        wind=wind,
-        duration_s=30.0,
-        limits=Limits(tilt_rad=math.radians(tilt_deg), position_m=ROOM_M),
+    """Test inputs as large as the wind leaves room for; where it leaves none, with wider limits, as the error says."""
+    craft = SimulateSettings(vehicle=vehicle).aircraft
+    choices = replace(
+        BINARY
+        if vehicle == BEHIND_SETPOINTS
+        else PlanSettings(
+            shape=sweep_of(craft), entry="stick" if craft.autopilot.kind == "px4" else None, duration_s=30.0
+        ),
+        wind=wind_of(vehicle, weather),
     )
-    return plan_for(craft, choices).plan
+    for wider in WIDER:
+        limits = Limits(tilt_rad=wider * TILT_RAD, position_m=ROOM_M, height_m=wider * HEIGHT_M)
+        try:
+            return plan_for(craft, replace(choices, limits=limits)).plan
+        except UsageError:
+            if wider == WIDER[-1]:
+                raise
+    raise AssertionError("unreachable")
 
 
 def fly(folder: Path, vehicle: str, weather: str, seed: int) -> Path:
@@ -171,8 +178,11 @@ def fly(folder: Path, vehicle: str, weather: str, seed: int) -> Path:
         record = rotorid.read(plain)
     craft = options.aircraft
     exact = {name: true.value for name, true in truth_of(craft).items()}
-    truth = flown_truth(vehicle, record, run.flown)
+    truth = flown_truth(vehicle, record)
+    in_wind = derivatives_as_flown(craft, run.flown)
+    truth |= {name: value + truth[name] - exact[name] for name, value in in_wind.items() if name in truth}
     motors = {} if vehicle == BEHIND_SETPOINTS else truth_of_motors(craft)
+    motors |= {name: in_wind[name] for name in in_wind.keys() & motors.keys()}
     if vehicle == "ardupilot_quad":
         drag = slopes_as_flown(craft, run.flown, SLOPES_OF_DRAG)
         truth |= drag
@@ -209,21 +219,10 @@ def read_flight(kept: Path, vehicle: str) -> KeptFlight:
     )
 
 
-def flown_truth(vehicle: str, record: FlightRecord, flown: SimulatedFlight | None = None) -> dict[str, float]:
-    """What one flight shows of its vehicle: hover in the mean wind of its sweeps, with the slope of thrust as flown.
-
-    Parameters
-    ----------
-    flown
-        What truly happened; still air without.
-    """
+def flown_truth(vehicle: str, record: FlightRecord) -> dict[str, float]:
+    """What one flight shows of its vehicle: hover in still air, but for the thrust slope and the lag of the rotors."""
     craft = SimulateSettings(vehicle=vehicle).aircraft
     truth = {name: true.value for name, true in truth_of(craft).items()}
-    if flown is not None:
-        ahead, aside = steady_airspeed(flown)
-        in_wind = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=ahead, aside_m_s=aside)
-        # Rotors that drag turn and push by their own speeds in a wind: N_roll, X_thrust, L_yaw are no zeros there.
-        truth |= {n: value for n, value in in_wind.items() if n in truth and (truth[n] or abs(value) > SMALLEST)}
     rotors = craft.vehicle.rotors
     if rotors.lag_down_s and rotors.lag_down_s != rotors.lag_up_s:
         apart = (rotors.lag_up_s - rotors.lag_down_s) / (rotors.lag_up_s + rotors.lag_down_s)
@@ -239,16 +238,61 @@ def flown_truth(vehicle: str, record: FlightRecord, flown: SimulatedFlight | Non
     return truth
 
 
-def steady_airspeed(flown: SimulatedFlight) -> tuple[float, float]:
-    """Mean velocity through the air over all sweeps, level: along the heading and to its right, m/s."""
-    true = flown.truth
-    north, east = (true[f"velocity_{way}"] - true[f"wind_{way}"] for way in ("north", "east"))
-    cosine, sine = np.cos(true["psi"]), np.sin(true["psi"])
+def derivatives_as_flown(craft: Aircraft, flown: SimulatedFlight) -> dict[str, float]:
+    """Exact derivatives of level flight at the mean velocity through the air in the sweep that shows their column.
+
+    None below :data:`STILL_M_S`, and none of a vehicle of which forces in the air are linear: they are those of hover.
+    """
+    rotors = craft.vehicle.rotors
+    if not (rotors.induced_drag_n_s_m or rotors.inflow_n_s_m):
+        return {}
+    found = {}
+    for axis, columns in COLUMNS.items():
+        inside = during(flown, axis)
+        true = flown.truth
+        north, east = (
+            float(np.mean((true[f"velocity_{way}"] - true[f"wind_{way}"])[inside])) for way in ("north", "east")
+        )
+        speed, heading = math.hypot(north, east), math.atan2(east, north) - float(np.mean(true["psi"][inside]))
+        if speed >= STILL_M_S:
+            derivatives = derivatives_aside(craft, speed, heading)
+            found |= {name: value for name, value in derivatives.items() if name.partition("_")[2] in columns}
+    return found
+
+
+def derivatives_aside(craft: Aircraft, airspeed_m_s: float, course_rad: float) -> dict[str, float]:
+    """Derivatives in level flight to any side: those of the vehicle turned into the flight, turned back."""
+    vehicle, rotors = craft.vehicle, craft.vehicle.rotors
+    sine, cosine = math.sin(course_rad), math.cos(course_rad)
+    ahead = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    both = np.kron(np.eye(2), ahead)
+    assert vehicle.aerodynamics is not None
+    turned = replace(
+        vehicle,
+        inertia_kg_m2=ahead @ vehicle.inertia_kg_m2 @ ahead.T,
+        rotors=replace(rotors, layout=replace(rotors.layout, positions=(ahead @ rotors.layout.positions.T).T)),
+        aerodynamics=both @ vehicle.aerodynamics @ both.T,
+        center_of_gravity_m=tuple(ahead @ np.array(vehicle.center_of_gravity_m)),
+    )
+    autopilot = replace(craft.autopilot, mixer=craft.autopilot.mixer_for(vehicle))
+    found = hover_derivatives_of(turned, autopilot, airspeed_m_s=airspeed_m_s)
+    motion, inputs = ("u", "v", "w", "p", "q", "r"), ("roll", "pitch", "yaw", "thrust")
+    stability = both.T @ [[found[f"{row}_{column}"] for column in motion] for row in FORCES_AND_MOMENTS] @ both
+    control = both.T @ [[found[f"{row}_{column}"] for column in inputs] for row in FORCES_AND_MOMENTS]
+    return {
+        f"{row}_{column}": float(value)
+        for row, values in zip(FORCES_AND_MOMENTS, np.hstack([stability, control]), strict=True)
+        for column, value in zip((*motion, *inputs), values, strict=True)
+    }
+
+
+def during(flown: SimulatedFlight, axis: str) -> BoolArray:
+    """Samples in the sweeps of an axis."""
     inside = np.zeros(flown.samples, dtype=bool)
     for maneuver in flown.maneuvers:
-        inside |= (flown.time_s >= maneuver.start_s) & (flown.time_s <= maneuver.stop_s)
-    ahead, aside = cosine * north + sine * east, cosine * east - sine * north
-    return float(ahead[inside].mean()), float(aside[inside].mean())
+        if maneuver.axis == axis:
+            inside |= (flown.time_s >= maneuver.start_s) & (flown.time_s <= maneuver.stop_s)
+    return inside
 
 
 def slopes_as_flown(craft: Aircraft, flown: SimulatedFlight, wanted: Mapping[str, tuple[str, int]]) -> dict[str, float]:
@@ -260,10 +304,7 @@ def slopes_as_flown(craft: Aircraft, flown: SimulatedFlight, wanted: Mapping[str
     motion, pushed = motion_through_air(flown), air_of(craft, flown)
     slopes = {}
     for name, (axis, row) in wanted.items():
-        inside = np.zeros(flown.samples, dtype=bool)
-        for maneuver in flown.maneuvers:
-            if maneuver.axis == axis:
-                inside |= (flown.time_s >= maneuver.start_s) & (flown.time_s <= maneuver.stop_s)
+        inside = during(flown, axis)
         moved = motion[row, inside] - motion[row, inside].mean()
         slopes[name] = float(moved @ pushed[row, inside] / (moved @ moved))
     return slopes

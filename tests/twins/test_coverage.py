@@ -47,6 +47,7 @@ from tests.twins.coverage_flights import (
     DEV_WEATHERS,
     FINAL_SEEDS,
     FINAL_WEATHERS,
+    derivatives_aside,
     motion_through_air,
     slopes_as_flown,
     wind_of,
@@ -59,6 +60,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flying.settings import SimulateSettings
 from rotorid.flying.simulation import truth_of as simulated_truth
 from rotorid.identifying.identification import identify_motors
+from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.ardupilot import MASS_KG, SQUARE_DRAG_N_S2_M2
 
@@ -189,6 +191,16 @@ def test_slopes_as_flown_are_the_exact_ones_of_linear_air() -> None:
         assert found["L_p"] == pytest.approx(hover["L_p"])
         steeper = 2.0 * SQUARE_DRAG_N_S2_M2 / MASS_KG * abs(motion_through_air(flown)[0].mean())
         assert found["X_u"] == pytest.approx(hover["X_u"] - steeper, rel=0.05)
+
+
+def test_derivatives_in_wind_are_those_of_level_flight_to_any_side() -> None:
+    """Rotors that drag in their plane push ahead when thrust grows in wind: a coupling that is zero in hover."""
+    craft = SimulateSettings(vehicle="iris").aircraft
+    behind, aside = derivatives_aside(craft, 2.0, math.pi), derivatives_aside(craft, 2.0, 0.5 * math.pi)
+    exact = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=-2.0)
+    assert behind == pytest.approx({name: exact[name] for name in behind}, abs=1e-9)
+    assert behind["X_thrust"] == pytest.approx(1.065, abs=1e-3)
+    assert (aside["X_thrust"], aside["Y_thrust"]) == pytest.approx((0.0, -behind["X_thrust"]), abs=1e-9)
 
 
 def test_truth_of_a_vehicle_is_what_it_is_made_of() -> None:
