@@ -496,9 +496,10 @@ def row_of(part: Study) -> str:
 
 
 def moved_truth(found: Study) -> Iterator[str]:
-    """What was moved as truth, over its value in hover and still air."""
+    """What was moved as truth by more than 0.2 %, over its value in hover and still air."""
     for (vehicle, name), ratios in sorted(found.moved.items()):
-        yield f"- {vehicle} {name}: {min(ratios):.3f} to {max(ratios):.3f} of hover in still air"
+        if max(abs(ratio - 1.0) for ratio in ratios) > 0.002:
+            yield f"- {vehicle} {name}: {min(ratios):.3f} to {max(ratios):.3f} of hover in still air"
 
 
 def main() -> None:

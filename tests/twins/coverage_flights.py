@@ -81,6 +81,7 @@ BINARY = PlanSettings(
 )
 QUADRATIC_THRUST = ("crazyflie", "hummingbird", "iris", "x500")
 STILL_M_S = 0.3
+NOTICED = 1e-6
 COLUMNS = {"roll": ("v", "p", "roll"), "pitch": ("u", "q", "pitch"), "yaw": ("r", "yaw"), "thrust": ("w", "thrust")}
 """Columns of derivatives that the sweep of an axis shows."""
 SLOPES_OF_DRAG = {"X_u": ("pitch", 0), "Y_v": ("roll", 1), "Z_w": ("thrust", 2)}
@@ -280,7 +281,7 @@ def derivatives_aside(craft: Aircraft, airspeed_m_s: float, course_rad: float) -
     stability = both.T @ [[found[f"{row}_{column}"] for column in motion] for row in FORCES_AND_MOMENTS] @ both
     control = both.T @ [[found[f"{row}_{column}"] for column in inputs] for row in FORCES_AND_MOMENTS]
     return {
-        f"{row}_{column}": float(value)
+        f"{row}_{column}": float(value) if abs(value) > NOTICED else 0.0
         for row, values in zip(FORCES_AND_MOMENTS, np.hstack([stability, control]), strict=True)
         for column, value in zip((*motion, *inputs), values, strict=True)
     }
