@@ -247,7 +247,7 @@ def derivatives_as_flown(craft: Aircraft, flown: SimulatedFlight) -> dict[str, f
     rotors = craft.vehicle.rotors
     if not (rotors.induced_drag_n_s_m or rotors.inflow_n_s_m):
         return {}
-    found = {}
+    found: dict[str, float] = {}
     for axis, columns in COLUMNS.items():
         inside = during(flown, axis)
         true = flown.truth
