@@ -98,7 +98,7 @@ class FrequencyResponse(Immutable):
         Of the records behind it; ``None`` where that is not known.
     clock_error_s
         Standard deviation of the time to which values of each channel belong
-        (:func:`rotorid.signal.stamps.clock_error_s`); ``None`` where nothing is known of the stamps.
+        (:func:`rotorid.signal.stamps.clock_error_s`); ``None`` where stamps do not show it.
     sensor_errors
         How far each output disagrees with the other sensors of its log, as a relative error of its scale and as a
         delay in seconds, shape ``(y, 2)``; ``None`` where nothing disagrees.

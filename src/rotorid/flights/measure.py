@@ -327,8 +327,14 @@ def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _
     return _Prepared(group, segments, (*channels, *followers), band, windows, findings)
 
 
-def _interval(flight: Flight) -> tuple[float, float]:
-    return flight.maneuver.start_s, flight.maneuver.stop_s
+def _clock_error_s(flights: Sequence[Flight], channels: Sequence[str]) -> float | None:
+    """What stamps show of the clocks of all flights; ``None`` where one of them shows nothing."""
+    found = [
+        clock_error_s(flight.record, channels, [(flight.maneuver.start_s, flight.maneuver.stop_s)])
+        for flight in flights
+    ]
+    known = [error for error in found if error is not None]
+    return max(known) if len(known) == len(found) else None
 
 
 def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
@@ -354,8 +360,7 @@ def _measured(
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
-    late_s = [clock_error_s(flight.record, (*inputs, *outputs), [_interval(flight)]) for flight in flights]
-    known = replace(joint or direct, sensor_errors=errors, clock_error_s=max(late_s))
+    known = replace(joint or direct, sensor_errors=errors, clock_error_s=_clock_error_s(flights, (*inputs, *outputs)))
     bands = _bands_of_sticks(flights, inputs, instruments)
     bent = 0.0
     if any(is_command(name) for name in inputs):
@@ -449,7 +454,7 @@ def _joined(
     return Measured(
         response=replace(
             response,
-            clock_error_s=max((part.response.clock_error_s or 0.0 for part in parts), default=0.0) or None,
+            clock_error_s=_largest_clock_error(parts),
             sensor_errors=_largest_errors(parts, response.outputs),
             slope_changes=_largest(parts, response, lambda response: response.slope_changes),
             lean_errors=_largest(parts, response, lambda response: response.lean_errors),
@@ -469,6 +474,11 @@ def _joined(
             *_several_instruments(groups, inputs),
         ),
     )
+
+
+def _largest_clock_error(parts: Sequence[Measured]) -> float | None:
+    known = [part.response.clock_error_s for part in parts if part.response.clock_error_s is not None]
+    return max(known) if len(known) == len(parts) else None
 
 
 def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatArray | None:

@@ -70,8 +70,10 @@ def stamp_jitter_s(time_s: FloatArray) -> float:
     return float(np.sqrt(np.mean(left**2) / 2.0))
 
 
-def clock_error_s(record: FlightRecord, channels: Sequence[str], intervals: Iterable[tuple[float, float]]) -> float:
-    r"""Standard deviation of the time to which values of each of some channels belong, seconds.
+def clock_error_s(
+    record: FlightRecord, channels: Sequence[str], intervals: Iterable[tuple[float, float]]
+) -> float | None:
+    """Standard deviation of the time to which values of each of some channels belong, where stamps show it, seconds.
 
     Parameters
     ----------
@@ -81,6 +83,11 @@ def clock_error_s(record: FlightRecord, channels: Sequence[str], intervals: Iter
         Inputs and outputs together.
     intervals
         Start and stop of each maneuver; the largest error counts.
+
+    Returns
+    -------
+    float
+        ``None`` where stamps do not show it: :data:`CLOCK_SAMPLES` of a sample is its usual size.
 
     Examples
     --------
@@ -94,28 +101,29 @@ def clock_error_s(record: FlightRecord, channels: Sequence[str], intervals: Iter
     >>> round(1e6 * clock_error_s(log, ("roll_command", "p"), [(0.0, 1.0)]))
     75
     >>> table = replace(log, source=Source(name="a.csv", format="CSV", sha256=""))
-    >>> round(1e6 * clock_error_s(table, ("roll_command", "p"), [(0.0, 1.0)]))
-    375
+    >>> clock_error_s(table, ("roll_command", "p"), [(0.0, 1.0)]) is None
+    True
     """
-    return max((_error_s(record, channels, start_s, stop_s) for start_s, stop_s in intervals), default=0.0)
+    found = [_error_s(record, channels, start_s, stop_s) for start_s, stop_s in intervals]
+    known = [error for error in found if error is not None]
+    return max(known) if known and len(known) == len(found) else None
 
 
-def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float:
+def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float | None:
     # What is worked out from other channels has no stamps of its own.
-    logged = [name for name in channels if name in record.channel_names]
+    if record.source.format not in _IN_ONE_TURN or any(name not in record.channel_names for name in channels):
+        return None
     try:
-        topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in logged)}
+        topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in channels)}
     except InsufficientDataError:
-        topics = {id(topic): topic for name in logged for topic, _ in record.holding(name)}
-        start_s, stop_s = -math.inf, math.inf
+        return None
     stamps = [topic.time_s[(topic.time_s >= start_s) & (topic.time_s <= stop_s)] for topic in topics.values()]
     # The slowest channel sets the clock to which all are brought.
     step_s = max((_step_s(time_s) for time_s in stamps), default=0.0)
-    share = CLOCK_SAMPLES
-    if record.source.format in _IN_ONE_TURN and len(logged) == len(channels) and _alike(stamps, step_s):
-        jitter = max(stamp_jitter_s(time_s) for time_s in stamps) / step_s
-        share = min(share, math.hypot(SAME_TURN_SAMPLES, jitter))
-    return share * step_s
+    if not _alike(stamps, step_s):
+        return None
+    share = math.hypot(SAME_TURN_SAMPLES, max(stamp_jitter_s(time_s) for time_s in stamps) / step_s)
+    return share * step_s if share < CLOCK_SAMPLES else None
 
 
 def _step_s(time_s: FloatArray) -> float:

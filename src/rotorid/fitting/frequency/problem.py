@@ -673,7 +673,7 @@ class FrequencyProblem(Problem):
 
 
 def _clock_error_s(data: FrequencyResponse) -> float | None:
-    """What stamps show, or the share of a sample that counts where nobody looked at them."""
+    """What stamps show, or the usual share of a sample."""
     if data.clock_error_s is not None or data.sample_rate_hz is None:
         return data.clock_error_s
     return CLOCK_SAMPLES / data.sample_rate_hz
