@@ -15,9 +15,9 @@ none and all (its root mean square).
 
 The Hummingbird of the library, swept to 0.35 rad at 4 to 5 rad/s in calm air, answers 4 to 6 % more there than its
 exact linearization. Models of one axis lay that on the speed derivatives, which come out 10 % too small. Of that the
-air itself makes 3 %: rotors that meet it inclined drag less, and the moment by u as flown is 5.91 of 6.09. Motion in body
-axes, with the sine of the pitch angle and q w, moves u by 2 % the other way, and the control power grows by 0.7 %. The
-rest is what the same few percent make of a response near the speed mode.
+air itself makes 3 %: rotors that meet it inclined drag less, and the moment by u as flown is 5.91 of 6.09. Motion in
+body axes, with the sine of the pitch angle and q w, moves u by 2 % the other way, and the control power grows by
+0.7 %. The rest is what the same few percent make of a response near the speed mode.
 """
 
 from __future__ import annotations
