@@ -38,17 +38,16 @@ TrimT = TypeVar("TrimT", bound=_Trim)
 _HEAVE = "az"
 
 _SURELY_LOWER = 2.0
-"""Costs of heave that differ by more decide; of closer ones the dampings do."""
+"""Ratio of costs of heave from which drag in the plane of the rotors alone counts; below it both fit."""
 
 _CLEARLY = 0.8
 """A trim that turns with the vehicle has to cost less than this share, as most leans are those of a wind."""
 
 
 class _Fitted(NamedTuple):
-    """Cost of each response, empty where a fit is refused, and the damping of heave over that across the rotors."""
+    """Cost of each response; empty where a fit is refused."""
 
     costs: Mapping[str, float]
-    ratio: float
 
     @property
     def missed(self) -> bool:
@@ -71,8 +70,7 @@ def best_trim(trims: Sequence[TrimT], settings: IdentifySettings) -> TrimT:
     """The trim at which a model explains the flights best; without a choice nothing is fitted.
 
     A vehicle leans against a wind, unless the trim that turns with it misses no response where that of the wind does,
-    or costs clearly less. How much of a steady drag acts along the rotors the heave shows, or else the ratio of the
-    dampings :math:`Z_w / X_u`.
+    or costs clearly less. Its drag acts along the rotors as across them, unless heave costs surely less without.
 
     Parameters
     ----------
@@ -87,10 +85,7 @@ def best_trim(trims: Sequence[TrimT], settings: IdentifySettings) -> TrimT:
     if len(windy) > 1:
         plane, body = windy
         heaves = plane[1].heave, body[1].heave
-        if max(heaves) > _SURELY_LOWER * min(heaves):
-            best = plane if heaves[0] < heaves[1] else body
-        else:
-            best = body if plane[1].ratio > 0.5 else plane
+        best = plane if _SURELY_LOWER * heaves[0] < heaves[1] else body
     return turning[0] if turning[1].surely_below(best[1]) else best[0]
 
 
@@ -101,9 +96,6 @@ def _fitted(trim: _Trim, settings: IdentifySettings) -> _Fitted:
         problem = pose_screened(structure, measured, settings, flights).problem
         solution = fit_frequency(problem)
     except InsufficientDataError:
-        return _Fitted({}, 0.0)
+        return _Fitted({})
     costs = cost_of(problem, problem.costs(solution.theta)).pairs
-    values = problem.parameters.unpack(solution.theta).values
-    across = values.get("X_u", 0.0)
-    ratio = values.get("Z_w", 0.0) / across if across else 0.0
-    return _Fitted({name: pair.value for name, pair in costs.items()}, ratio)
+    return _Fitted({name: pair.value for name, pair in costs.items()})
