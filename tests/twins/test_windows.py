@@ -108,7 +108,7 @@ FLIGHTS = 20
 FEW_AVERAGES = pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
-    reason="three windows of 40 to 72 s in 120 s show the size of strong gusts to some 50 %: of 25 flights of the exact "
+    reason="three windows in 120 s show the size of strong gusts to some 50 %: of 25 flights of the exact "
     "rig 20 % are called wrong, of 24 without the lag 75 %",
 )
 
