@@ -122,7 +122,7 @@ def shortest(
     ...     one = planned("roll", "pilot_sweep", start_s=0.0, amplitude=0.1, duration_s=duration_s,
     ...                   sample_rate_hz=200.0, band_rad_s=(1.0, 50.0))
     ...     return sequence("sweep", [one])
-    >>> shortest(roll, truth, loop, sweep, {"L_roll": 1.5, "T_motor": 5.0}).words
+    >>> shortest(roll, truth, loop, sweep, {"L_roll": 2.5, "T_motor": 8.0}).words
     '20 s are enough (L_roll needs the longest).'
     """
     _require_wanted(structure, wanted, shortest_s, longest_s)

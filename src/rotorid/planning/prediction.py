@@ -219,13 +219,13 @@ class PredictedParameter:
 
     @property
     def cramer_rao_percent(self) -> float:
-        """CIFER's bound in percent of the expected estimate, as an identification states it."""
-        return 100.0 * self.cramer_rao / abs(self.expected) if self.expected else np.inf
+        """CIFER's bound in percent of the expected estimate, as an identification states it; infinite for a zero."""
+        return 100.0 * self.cramer_rao / abs(self.expected) if self.expected and self.value else np.inf
 
     @property
     def insensitivity_percent(self) -> float:
-        """CIFER's insensitivity in percent of the expected estimate, as an identification states it."""
-        return 100.0 * self.insensitivity / abs(self.expected) if self.expected else np.inf
+        """CIFER's insensitivity in percent of the expected estimate; infinite for a zero."""
+        return 100.0 * self.insensitivity / abs(self.expected) if self.expected and self.value else np.inf
 
     def in_percent(self, number: float) -> float:
         """A number in percent of the value."""

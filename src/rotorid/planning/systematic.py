@@ -175,6 +175,7 @@ def with_systematic_errors(response: FrequencyResponse, measured: FrequencyRespo
     return replace(
         response,
         sample_rate_hz=measured.sample_rate_hz,
+        clock_error_s=measured.clock_error_s,
         sensor_errors=None if sensors is None else sensors[rows],
         **{name: moved(name) for name in ("slope_changes", "lean_errors", "unchecked_errors", "sensor_shapes")},
     )

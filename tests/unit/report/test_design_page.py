@@ -202,7 +202,7 @@ def test_parameters_are_shown_in_percent_and_marked_beyond_guidelines(alone: Pag
         "20",
         "8",
     ]
-    assert damping[2:] == ["−4", "−3.00 ± 0.20 5.0 σ off", "5", "3", "2.5", "1.2", "50", "20"]
+    assert damping[2:] == ["−4", "−3.00 ± 0.20 5.0 σ off", "5", "3", "2.5", "1.2", "67", "27"]
     marked = [attributes for _, attributes in alone.elements if attributes.get("class") == "marked"]
     # The distance from the value, two bounds of L_p, and the lowest motor output.
     assert len(marked) == 4
