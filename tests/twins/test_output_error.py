@@ -18,7 +18,7 @@ from rotorid.uncertainty.time_error import with_time_error
 
 NORMAL_95 = 1.96
 LOWEST, HIGHEST = 0.91, 0.985
-MOST = 0.99
+MOST = 0.995
 """Of three variances that expect the same the largest counts, which costs some sharpness."""
 
 DULLEST = 2.1
