@@ -443,10 +443,10 @@ def table(found: Study) -> Iterator[str]:
 
 
 def table_of_docs(found: Study) -> Iterator[str]:
-    """The table of ``docs/accuracy.md``: kinds of models beside each other, what misses a bar in bold."""
+    """The table of ``docs/accuracy.md``: kinds of models in columns but for reduced ones, what misses a bar in bold."""
     parts = {(vehicle, kind): part for vehicle, kind, part in cells(found)}
     vehicles = dict.fromkeys(vehicle for vehicle, _ in parts)
-    kinds = [kind for kind in KINDS if any((vehicle, kind) in parts for vehicle in vehicles)]
+    kinds = [kind for kind in KINDS if kind != "reduced" and any((vehicle, kind) in parts for vehicle in vehicles)]
     yield f"| vehicle | {' | '.join(kinds)} |"
     yield "|---" * (len(kinds) + 1) + "|"
     for vehicle in vehicles:
@@ -458,7 +458,7 @@ def _short(part: Study | None) -> str:
     if part is None or not (rows := part.intervals):
         return "–" if part is None else "refused"
     share, sharp = held(rows), sharpness(rows)
-    contain = f"{100.0 * share.value:.1f} ± {100.0 * share.error:.1f} %"
+    contain = f"{100.0 * share.value:.1f} ± {100.0 * share.error:.1f} %" if share.error > 0.0 else f"{share.value:.0%}"
     measures = [
         (contain, 0.90 <= share.value <= 0.995),
         (f"{size(rows):.2f}", size(rows) <= 1.2),
