@@ -27,21 +27,20 @@ from rotorid.data import FlightPlan
 from rotorid.data.axes import RATE_OF
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
-from rotorid.planning.aircraft import aircraft_loop, rate_filters
+from rotorid.planning import aircraft_loop, rate_filters
 from rotorid.proposing import Foretold, check_tuning, tune
 from rotorid.simulation import Aircraft, Wind, changed, number_of
-from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.tuning import (
     ControllerParts,
     Gains,
     Wishes,
     attitude_rms,
+    foreseen,
     judged,
     loop_figures,
     quantities,
     ranges_of,
 )
-from rotorid.tuning.bands import foreseen
 from rotorid.typing import Axis, ComplexArray, FloatArray
 from rotorid.vehicles import VehicleEntry, aircraft, with_gains
 
@@ -204,7 +203,7 @@ def exact_plant(craft: Aircraft, axis: Axis, omega_rad_s: FloatArray) -> Complex
 def judge(row: Row, craft: Aircraft, first: Any, foretold: Foretold) -> None:
     """Numbers of the proposed gains on the exact plant, and what that plant would have allowed."""
     controller, omega = first.controller, first.omega_rad_s
-    filters = rate_filters(craft, omega)[loop_row(row.axis)]
+    filters = rate_filters(craft, omega)[aircraft_loop(craft).outputs.index(RATE_OF[row.axis])]
     old, new = first.proposal.flown.gains, first.proposal.proposed.gains
     start = new.on(first.parts.controller)
     parts = ControllerParts(controller=start, omega_rad_s=omega, filters=filters, logged=filters)
@@ -263,11 +262,6 @@ def judge(row: Row, craft: Aircraft, first: Any, foretold: Foretold) -> None:
             "ArduPilot Quicktune": of_rate.gain_margin[0] / QUICKTUNE_MARGIN,
         }
         row.peers[name] = Peer(peak, float(best.attitude_rms[0]) / rms, float(aims[name]))
-
-
-def loop_row(axis: Axis) -> int:
-    """Place of the rate of an axis among the outputs of a loop."""
-    return OUTPUTS.index(RATE_OF[axis])
 
 
 def rise_s(omega_rad_s: FloatArray, closed: ComplexArray) -> float:

@@ -511,9 +511,9 @@ def _late(data: NonlinearData) -> float:
     for flight in data.flights:
         names = [n for n in (*data.structure.inputs, *data.structure.outputs) if holds(flight.record, n)]
         late_s = clock_error_s(flight.record, names, [(flight.maneuver.start_s, flight.maneuver.stop_s)])
-        found.append(late_s * max(record.sample_rate_hz for record in data.records.data))
-    # Channels that are all computed have no stamps.
-    return min(max(found), CLOCK_SAMPLES) or CLOCK_SAMPLES
+        rate_hz = max(record.sample_rate_hz for record in data.records.data)
+        found.append(CLOCK_SAMPLES if late_s is None else min(late_s * rate_hz, CLOCK_SAMPLES))
+    return max(found)
 
 
 def _disturbance(

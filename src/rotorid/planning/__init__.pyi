@@ -1,4 +1,5 @@
 from rotorid.planning.aircraft import aircraft_loop as aircraft_loop
+from rotorid.planning.aircraft import rate_filters as rate_filters
 from rotorid.planning.amplitude import Amplitude as Amplitude
 from rotorid.planning.amplitude import Limits as Limits
 from rotorid.planning.amplitude import largest_amplitude as largest_amplitude

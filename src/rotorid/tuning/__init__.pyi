@@ -1,4 +1,5 @@
 from rotorid.models.autopilots.gains import parameters_of as parameters_of
+from rotorid.tuning.bands import foreseen as foreseen
 from rotorid.tuning.files import parameter_files as parameter_files
 from rotorid.tuning.firmware import ranges_of as ranges_of
 from rotorid.tuning.firmware import rounded as rounded
