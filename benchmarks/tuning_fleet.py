@@ -24,7 +24,6 @@ import numpy as np
 
 from benchmarks.rules import amigo, integrating_plant, px4_angle, px4_autotune, quicktune, simc, with_angle
 from rotorid.data import FlightPlan
-from rotorid.data.axes import RATE_OF
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
 from rotorid.planning import aircraft_loop, rate_filters
@@ -53,6 +52,7 @@ NAMES = {
     ("ardupilot", "yaw"): ("ATC_RAT_YAW_P", "ATC_RAT_YAW_I", "ATC_RAT_YAW_D", "ATC_ANG_YAW_P"),
 }
 AXES: tuple[Axis, ...] = ("roll", "yaw")
+RATE_OF = {"roll": "p", "yaw": "r"}
 SLUGGISH = 1.15
 MOST_PEAK = 1.75
 
