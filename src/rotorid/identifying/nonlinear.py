@@ -272,7 +272,7 @@ class Nonlinear:
     def _beside_wind(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[NonlinearFit, Posing]:
         """The fit in pieces with constants in the equations, where that explains what inputs do not.
 
-        Records of one piece cannot tell a constant from drag, and are left as they are.
+        Records of one piece do not separate a constant from drag, and are left as they are.
         """
         longest_s = max(record.duration_s for record in data.records.data)
         theta, free = fit.solution.theta, fit.problem.parameters.free

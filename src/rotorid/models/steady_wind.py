@@ -47,7 +47,7 @@ HEAVE_SHARES = (0.0, 1.0)
 """Its values: for rotors that drag in their plane alone, and for drag of one size along all axes."""
 
 _LEAST_DAMPING_1_S = 0.02
-"""Damping of speed by which no wind can be told from the lean: that of a vehicle that drags is ten times as large."""
+"""Damping of speed below which the lean does not show the wind: a vehicle that drags has ten times as much."""
 
 _ZERO = Expression()
 

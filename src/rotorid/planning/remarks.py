@@ -1,7 +1,7 @@
-"""What an identification would remark on a flight, said before it is flown.
+"""What an identification would remark on a flight, before it is flown.
 
-Too little that can be used, parameters that the flight will not show or not tell apart, values that the estimate will
-miss by more than chance.
+Too little usable data, parameters that the flight will not show or not separate, values that the estimate will miss by
+more than chance.
 """
 
 from __future__ import annotations

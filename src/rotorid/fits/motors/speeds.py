@@ -31,7 +31,7 @@ from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.time_error import with_time_error
 
 _STEPS_SEEN = 20
-"""A channel of fewer different steps is not logged in steps that could be told."""
+"""A channel with fewer different steps does not show the size of a step."""
 
 
 class Leftover(NamedTuple):
@@ -109,7 +109,7 @@ def _by_gusts(
     Speeds that something else pushes are at times above the curve where the simulation is below it, and the wrong lag
     acts. With residuals :math:`\sigma_r` and distances from the curve :math:`\sigma_e` that is so for a share
     :math:`p = \arctan(\sigma_r / \sigma_e) / \pi` of the time, and the difference shrinks by :math:`1 - 2 p`. Noise of
-    a sensor does not do that, and cannot be told from gusts: the shrinkage is stated as an error, not corrected.
+    a sensor does not do that, and looks like gusts: the shrinkage is stated as an error, not corrected.
     """
     difference, mean = values[LAG_DOWN] - values[LAG_UP], 0.5 * (values[LAG_DOWN] + values[LAG_UP])
     residual, distance = 0.0, 0.0
