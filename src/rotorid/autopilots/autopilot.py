@@ -66,6 +66,8 @@ class Log:
         Topic whose gyro has passed none of the filters of the controllers.
     fields_chosen
         Whether the user chooses the fields that are logged one by one.
+    in_one_turn
+        Whether inputs and outputs are written in one turn of its loop, so that their stamps show when they were taken.
     topics_listed
         Whether the logger reads a list of topics and rates from the SD card.
     frame
@@ -88,6 +90,7 @@ class Log:
     sensor_rate_logged: bool = False
     unfiltered_topic: str = ""
     fields_chosen: bool = False
+    in_one_turn: bool = False
     topics_listed: bool = False
     frame: Callable[[FlightRecord], tuple[str, str] | None] = _no_frame
     passage: Callable[[FlightRecord, str, float | None], Passage] = _unknown_passage

@@ -20,7 +20,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, minus, with_error
-from rotorid.models.hover_layouts import HOVER
+from rotorid.models.families import family_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.ties import TieTest, sources
@@ -71,7 +71,8 @@ def with_rotor_share(parameters: ParameterSet, limits: Bounds, name: str) -> Bou
     name
         Of its model; another one stays as it is.
     """
-    if name != HOVER or "I_zz" not in limits.names or not {"c_H", "N_r"} <= set(parameters.names):
+    known = {"c_H", "N_r"} <= set(parameters.names) and "I_zz" in limits.names
+    if not known or not family_of(name).drags_by_rotors:
         return limits
     values = parameters.values
     ratio = (values["I_xx"] + values["I_yy"]) / values["I_zz"]

@@ -106,6 +106,8 @@ class Family:
         Whether single parameters mean nothing, so that they have neither bounds to refuse by nor remarks.
     slowed_by_air
         Whether its forces along speed are those of a hovering vehicle, which air can only slow.
+    drags_by_rotors
+        Whether drag is counted to the side forces of its rotors alone.
     needs_result
         Whether a ``model.toml`` alone does not say how its inputs are had from a log.
     written
@@ -130,6 +132,7 @@ class Family:
     answers_setpoints: bool = False
     opaque: bool = False
     slowed_by_air: bool = False
+    drags_by_rotors: bool = False
     needs_result: bool = False
     written: str = ""
 
@@ -233,7 +236,14 @@ AIRFRAME = replace(
     slowed_by_air=True,
 )
 
-HOVER = replace(OWN, name="physical.hover", pattern=r"physical\.hover", by_logs=True, units=PHYSICAL_UNITS)
+HOVER = replace(
+    OWN,
+    name="physical.hover",
+    pattern=r"physical\.hover",
+    by_logs=True,
+    units=PHYSICAL_UNITS,
+    drags_by_rotors=True,
+)
 """Hover in physical parameters, of the rotors of the vehicle that flew."""
 
 RIG = replace(

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.clock import source_topic
@@ -33,7 +34,6 @@ _ALIKE = 1e-3
 """Of a step, by which stamps may differ and be alike."""
 
 _MOSTLY = 0.99
-_IN_ONE_TURN = ("ArduPilot DataFlash", "Betaflight blackbox")
 
 
 def stamp_jitter_s(time_s: FloatArray) -> float:
@@ -111,7 +111,7 @@ def clock_error_s(
 
 def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float | None:
     # What is worked out from other channels has no stamps of its own.
-    if record.source.format not in _IN_ONE_TURN or any(name not in record.channel_names for name in channels):
+    if not autopilot_of(record).log.in_one_turn or any(name not in record.channel_names for name in channels):
         return None
     try:
         topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in channels)}

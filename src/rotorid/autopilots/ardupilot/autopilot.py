@@ -120,6 +120,7 @@ ARDUPILOT = Autopilot(
         own=True,
         straightened=True,
         rate_source="RATE.R",
+        in_one_turn=True,
         frame=_frame,
         passage=_passage,
         linearization=_linearization,

@@ -75,6 +75,7 @@ BETAFLIGHT = Autopilot(
         rate_source="gyroADC[0]",
         sensor_rate_logged=True,
         fields_chosen=True,
+        in_one_turn=True,
         passage=_passage,
         accelerometer_cutoff_hz=_accelerometer_cutoff_hz,
     ),
