@@ -334,7 +334,7 @@ KINDS: Mapping[str, Kind] = {
     "disturbed_flight": Kind(
         "warning",
         "Moved by wind or trim",
-        "Inputs and equations do not explain what moved the vehicle, such as wind; the fit has constants for it.",
+        "The inputs do not explain the whole motion, for example in wind, so constant forces were fitted too.",
     ),
     "disturbed_verification": Kind(
         "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."
@@ -663,7 +663,7 @@ KINDS: Mapping[str, Kind] = {
     "tie_contradicted": Kind(
         "warning",
         "Assumption contradicted by data",
-        "The data contradict a relation that turns what was measured into physical values.",
+        "The data contradict a relation from which physical values were computed.",
     ),
     "thrust_limit": Kind("info", "Thrust limit", "Thrust over weight levels off."),
     "plant_of_choice": Kind(

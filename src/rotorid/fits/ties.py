@@ -50,10 +50,10 @@ def judge_ties(parameters: ParameterSet, limits: Bounds, tests: Sequence[TieTest
             yield warn(
                 "tie_contradicted",
                 test.name,
-                f"The data have {test.name} at {minus(f'{test.measured:.3g}')} {unit}, its relation to "
-                f"{', '.join(of)} at {minus(f'{test.value:.3g}')} {unit}: {test.distance:.1f} standard deviations "
+                f"The data give {test.name} = {minus(f'{test.measured:.3g}')} {unit}, its relation to "
+                f"{', '.join(of)} gives {minus(f'{test.value:.3g}')} {unit}: {test.distance:.1f} standard deviations "
                 f"apart. Another force acts, such as drag of the body; the errors of these parameters include it. "
-                f"To give the relation up, use --free {test.name}.",
+                f"To drop the relation, use --free {test.name}.",
                 measured=test.measured,
                 by_tie=test.value,
                 deviations=test.distance,
@@ -100,8 +100,8 @@ def _too_heavy_in_yaw(parameters: ParameterSet, limits: Bounds) -> Iterator[Find
         "impossible_physics",
         "I_zz",
         f"I_zz = {with_error(values['I_zz'], own)} kg m^2 exceeds I_xx + I_yy = {most:.3g} kg m^2, which no rigid body "
-        "can have: the damping of yaw is not that of side forces of the rotors, so the body drags. c_H, c_P and J_r "
-        "are too large with it. Swing the vehicle and give --fix I_zz=VALUE.",
+        "can have: side forces of the rotors do not explain the damping of yaw, so the body has drag, and c_H, c_P and "
+        "J_r are too large as well. Swing the vehicle and give --fix I_zz=VALUE.",
         kg_m2=values["I_zz"],
         sum_of_others_kg_m2=most,
     )

@@ -129,9 +129,7 @@ def without_steady_drag(history: TimeHistory, drag: SteadyDrag) -> TimeHistory:
         "phi": np.arctan2(down[1], down[2]),
     }
     rows = [level.get(name, history[name]) for name in history.names]
-    return replace(
-        history, values=np.stack(rows), processing=(*history.processing, "drag of the steady wind taken off")
-    )
+    return replace(history, values=np.stack(rows), processing=(*history.processing, "drag of the steady wind removed"))
 
 
 def _turned(history: TimeHistory, vector: FloatArray) -> FloatArray:

@@ -525,9 +525,9 @@ def _disturbance(
     return warn(
         "disturbed_flight",
         name,
-        f"Inputs and equations do not explain what moved the vehicle: the simulation misses {name} by {whole:.2g}, but "
-        f"by {piece:.2g} {where} in the equations, so it was fitted with these. Wind does this, a trim, or another law "
-        "of drag; still air gives smaller errors.",
+        f"The inputs do not explain the whole motion: the simulation misses {name} by {whole:.2g}, or by {piece:.2g} "
+        f"{where} in the equations, which were therefore fitted too. Causes are wind, a trim, or another law of drag. "
+        "Fly in still air for smaller errors.",
         whole=whole,
         piece=piece,
     )

@@ -116,7 +116,7 @@ def measured_with_model(
     whole = parts[0] if len(parts) == 1 else joined_responses(parts, inputs=data.inputs, outputs=data.outputs)
     if whole.values.shape != data.values.shape or not np.isfinite(whole.values[problem.used]).all():
         return None
-    note = f"what windows add taken out with {problem.structure.name}"
+    note = f"leakage of windows removed with {problem.structure.name}"
     return replace(
         problem,
         data=replace(

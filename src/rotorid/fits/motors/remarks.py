@@ -107,7 +107,7 @@ def _assumed(identified: FittedMotors) -> Iterator[Finding]:
     if not identified.curve_assumed:
         return
     reason = (
-        "Thrust changed, but not as the measured speeds would have it; inertia depends on the slope of the "
+        "Thrust changed, but did not follow the measured speeds; inertia depends on the slope of the "
         f"{identified.curve} curve. "
         if identified.data.kind == "speed"
         else f"Thrust did not change, so a {identified.curve} thrust curve was assumed; inertia depends on its slope. "
