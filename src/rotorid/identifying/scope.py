@@ -444,7 +444,7 @@ def _leaning(structure: LinearStructure) -> Finding:
         "trim",
         ", ".join(drag),
         f"The vehicle leaned by {math.degrees(lean_rad):.0f}° against a steady wind; the model describes motion about "
-        f"this lean. Accelerations leave out the drag of that wind, {forward:.2f} m/s² forward, {right:.2f} m/s² right.",
+        f"this lean. Accelerations leave out the wind's drag: {forward:.2f} m/s² forward, {right:.2f} m/s² right.",
         lean_rad=lean_rad,
         **drag,
     )
