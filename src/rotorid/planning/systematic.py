@@ -94,7 +94,7 @@ def _averaged(quiet: Bounds, found: Sequence[Bounds]) -> Bounds:
         name: float(np.exp(np.mean([np.log(each[name]) for each in sizes if name in each] or [np.log(size)])))
         for name, size in quiet.model_error.deviations.items()
     }
-    return replace(quiet, model_error=replace(quiet.model_error, sizes=mean))
+    return replace(quiet, model_error=replace(quiet.model_error, deviations=mean))
 
 
 def mean_covariance(covariances: Sequence[FloatArray]) -> FloatArray:

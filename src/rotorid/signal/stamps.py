@@ -111,7 +111,8 @@ def clock_error_s(
 
 def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float | None:
     # What is worked out from other channels has no stamps of its own.
-    if not autopilot_of(record).log.in_one_turn or any(name not in record.channel_names for name in channels):
+    logged = bool(channels) and all(name in record.channel_names for name in channels)
+    if not autopilot_of(record).log.in_one_turn or not logged:
         return None
     try:
         topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in channels)}

@@ -59,7 +59,7 @@ def test_an_exact_structure_has_the_floor_and_the_clocks() -> None:
     ended, scattering = fitted(noise=1e-4)
     found = stated_bounds(ended, scattering, KnownErrors())
     assert found.model_error is not None
-    assert found.model_error.sizes["p/roll_command"] <= SMALLEST_MODEL_ERROR
+    assert found.model_error.deviations["p/roll_command"] <= SMALLEST_MODEL_ERROR
     alone = bounds(ended.problem, ended.solution, weights=ended.weights)
     np.testing.assert_allclose(found.std, alone.std, rtol=0.02)
     # A clock that is late by 0.15 samples is a delay.
@@ -82,7 +82,7 @@ def test_a_wrong_structure_has_a_larger_model_error() -> None:
 def test_no_model_error_is_smaller_than_that_of_an_earlier_result() -> None:
     earlier = stated(noise=0.01, known=KnownErrors(sizes={"p/roll_command": 0.03}))
     assert earlier.model_error is not None
-    assert earlier.model_error.sizes["p/roll_command"] == pytest.approx(0.03)
+    assert earlier.model_error.deviations["p/roll_command"] == pytest.approx(0.03)
     assert earlier.stds["L_roll"] > 2.0 * stated(noise=0.01).stds["L_roll"]
 
 
