@@ -21,7 +21,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.segments import holds, require_channels
 from rotorid.flights.selection import Selection
-from rotorid.flights.steady_wind import in_wind_of, mean_of
+from rotorid.flights.steady_wind import LEAST_LEAN_RAD, in_wind_of, mean_of
 from rotorid.models.expression import Expression
 from rotorid.models.steady_wind import HEAVE_SHARE, HEAVE_SHARES, STEADY_DRAG, lean_of
 from rotorid.models.structure import LinearStructure, connected
@@ -355,9 +355,6 @@ _SPEEDS = ("U0", "V0", "W0")
 _ONE_TRIM_M_S = 1.5
 """Maneuvers whose mean speeds differ by more are of several trims."""
 
-_LEVEL_RAD = 0.05
-"""Up to here the cosine is one within a thousandth, and gravity along the body a twentieth of itself."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trimmed:
@@ -397,7 +394,7 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     measured = {
         name: value
         for name, value in means.items()
-        if name not in settings.constants and (flying or (name not in _SPEEDS and abs(value) >= _LEVEL_RAD)) and value
+        if name not in settings.constants and (flying or (name not in _SPEEDS and abs(value) >= LEAST_LEAN_RAD)) and value
     }
     constants = {**measured, **settings.constants}
     if not constants:

@@ -28,6 +28,7 @@ from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_costs, point_weights, within_bands
+from rotorid.fitting.problem import Part
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import Measured, measure
 from rotorid.models.library import speed_damping
@@ -35,14 +36,12 @@ from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import FIRST_RESPONSES, IdentifySettings
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import bounds
+from rotorid.uncertainty.model_error import SMALLEST_MODEL_ERROR
+from rotorid.uncertainty.sandwich import by_lines
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _ROWS = {"X_u": ("pitch", -1.0, "X_pitch", "X_q"), "Y_v": ("roll", 1.0, "Y_roll", "Y_p")}
 """Axis, sign of gravity, force of the command and of the rate in the equation of each speed."""
-
-_BANDS_PER_OCTAVE = 2.0
-_SMALLEST_ERROR = 0.005
-"""Relative error that no measured response is better than."""
 
 _DELAY_S = 0.03
 _LONGEST_DELAY_S = 0.3
@@ -197,7 +196,7 @@ def _with_force(name: str, flights: Sequence[Flight], settings: IdentifySettings
         s=np.asarray(1j * omega, dtype=np.complex128),
         speed=data.values[0, 0, known],
         angle=data.values[1, 0, known],
-        error=np.hypot(np.linalg.norm(data.random_error[:, 0, known], axis=0), _SMALLEST_ERROR),
+        error=np.hypot(np.linalg.norm(data.random_error[:, 0, known], axis=0), SMALLEST_MODEL_ERROR),
         gravity=sign * STANDARD_GRAVITY_M_S2,
     )
     found = least_squares(
@@ -206,8 +205,8 @@ def _with_force(name: str, flights: Sequence[Flight], settings: IdentifySettings
         bounds=([-np.inf, -np.inf, -np.inf, 0.0], [0.0, np.inf, np.inf, _LONGEST_DELAY_S]),
         x_scale=[0.1, 0.1, 1.0, 0.01],
     )
-    covariance = _covariance(np.asarray(found.jac, dtype=np.float64), found.fun, omega)
-    value, std = float(found.x[0]), float(np.sqrt(covariance[0, 0]))
+    variance = _variance(np.asarray(found.jac, dtype=np.float64), found.fun, omega)
+    value, std = float(found.x[0]), float(np.sqrt(variance[0]))
     weights = point_weights(data, used)[:1, :, known]
     cost = float(pair_costs(row.predicted(found.x)[None, None], row.speed[None, None], weights)[0, 0])
     _require_acceptable(name, cost, omega, "use --speed-damping joint")
@@ -224,11 +223,9 @@ def _with_force(name: str, flights: Sequence[Flight], settings: IdentifySettings
     )
 
 
-def _covariance(slopes: FloatArray, residual: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
-    """By the stated errors, or where it is more by how bands of half an octave pull: neighbors share windows."""
-    inverse = np.linalg.pinv(slopes.T @ slopes)
-    band = np.floor(_BANDS_PER_OCTAVE * np.log2(omega_rad_s)).astype(int)
-    pulled = slopes * residual[:, None]
-    scores = np.array([pulled[np.tile(band == one, 2)].sum(axis=0) for one in np.unique(band)])
-    of_bands = inverse @ scores.T @ scores @ inverse * len(scores) / max(len(scores) - 1, 1)
-    return np.asarray(np.maximum(inverse, of_bands))
+def _variance(slopes: FloatArray, residual: FloatArray, omega_rad_s: FloatArray) -> FloatArray:
+    """By the stated errors, or where it is more by how bands of half an octave pull, shape ``(p,)``."""
+    # Neighbors share windows, so their errors are no independent ones.
+    part = Part(residual[:, None], slopes[:, None, :], np.zeros((residual.size, 1, 0)))
+    of_bands = by_lines([part], [omega_rad_s]).diagonal()
+    return np.asarray(np.maximum(np.linalg.pinv(slopes.T @ slopes).diagonal(), of_bands))
