@@ -394,7 +394,9 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
     measured = {
         name: value
         for name, value in means.items()
-        if name not in settings.constants and (flying or (name not in _SPEEDS and abs(value) >= LEAST_LEAN_RAD)) and value
+        if name not in settings.constants
+        and (flying or (name not in _SPEEDS and abs(value) >= LEAST_LEAN_RAD))
+        and value
     }
     constants = {**measured, **settings.constants}
     if not constants:
