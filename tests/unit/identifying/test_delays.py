@@ -76,13 +76,14 @@ def test_a_shift_moves_the_delay(record: FlightRecord) -> None:
 def test_several_logs_are_compared_with_a_lag_of_one_order() -> None:
     histories = {name: late_lag(seed, late) for name, seed, late in (("early", 1, 1.7), ("late", 2, 3.7))}
     logs = [log({INPUT: of[INPUT], OUTPUT: of[OUTPUT]}, name) for name, of in histories.items()]
-    pair = delay(logs, input=INPUT, output=OUTPUT, order=2).pairs[f"{OUTPUT}/{INPUT}"]
+    result = delay(logs, order=2)
+    pair = result.pairs[f"{OUTPUT}/{INPUT}"]
     alone = {name: estimate for name, estimate in pair.alone.items() if estimate is not None}
     assert list(alone) == ["early", "late"]
     assert {estimate.order for estimate in (pair.recommended, *alone.values())} == {Order(0, 2)}
     assert alone["late"].delay_s - alone["early"].delay_s == pytest.approx(2.0 / RATE_HZ, abs=0.3 / RATE_HZ)
     assert alone["early"].delay_s < pair.recommended.delay_s < alone["late"].delay_s
-    document = delay_document(delay(logs, order=2))
+    document = delay_document(result)
     assert list(document.pairs[f"{OUTPUT}/{INPUT}"].records) == ["early", "late"]
 
 
