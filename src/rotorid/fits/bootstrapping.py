@@ -99,7 +99,8 @@ def bootstrap(
     problem, solution, weights
         What was fitted, and how it ended; see :func:`rotorid.uncertainty.bootstrapping.bootstrap`.
     bounds
-        What was stated; its random errors, which alone the draws have, are compared.
+        What was stated. Draws of responses have the errors of the structure too, and are compared with all that is
+        stated; draws of outputs have random errors alone, and are compared with these.
     settings
         ``bootstrap`` runs from ``seed``.
 
@@ -116,10 +117,10 @@ def bootstrap(
     table = drawn_anew(
         problem, solution, runs=settings.bootstrap, seed=settings.seed, weights=weights, progress=_log_runs
     )
+    source: Source = "responses" if problem.method == "frequency" else "outputs"
     # A parameter on its bound may not scatter at all.
     with np.errstate(divide="ignore", invalid="ignore"):
-        findings = judge_spread(table, bounds.random_std)
-    source: Source = "responses" if problem.method == "frequency" else "outputs"
+        findings = judge_spread(table, bounds.std if source == "responses" else bounds.random_std)
     return Bootstrap(source=source, table=table, findings=findings)
 
 

@@ -63,6 +63,7 @@ def test_responses_are_drawn_about_the_fit_that_gave_the_values(by_responses: Id
         assert abs(spread.mean - one.value) < 0.35 * one.std, name
         assert spread.low < spread.median < spread.high
         assert spread.relative_percent == pytest.approx(100.0 * spread.std / abs(spread.mean))
+    assert "bootstrap_disagrees" not in {finding.kind for finding in by_responses.findings}
     matrix = np.array(again.correlation.matrix)
     assert again.correlation.names == tuple(again.parameters)
     np.testing.assert_allclose(np.diag(matrix), 1.0)

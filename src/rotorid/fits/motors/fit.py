@@ -182,9 +182,7 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
     again = None
     if choices.bootstrap is not None:
         fixed = fit.problem.with_parameters(fitted.parameters)
-        # Only noise is simulated: its spread contains neither model errors nor the scatter of logs.
-        random = replace(fitted.bounds, covariance=fitted.bounds.random)
-        again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), random, choices)
+        again = bootstrap(fixed, replace(fit.solution, theta=fitted.parameters.pack()), fitted.bounds, choices)
     return replace(fitted, bootstrap=again, left_out=tuple(left_out))
 
 
