@@ -101,12 +101,14 @@ class Disagreement(Immutable):
     def finding(self, unit: str) -> Finding:
         """The finding on it."""
         words = ", ".join(f"{with_error(value, std)} in {name}" for name, (value, std) in self.estimates.items())
+        several = len({name.rsplit(" at ", 1)[0] for name in self.estimates}) > 1
+        parts, remedy = ("logs", "log separately") if several else ("maneuvers", "maneuver with --segment")
         return warn(
             "logs_disagree",
             self.parameter,
-            f"The logs disagree about {self.parameter}{f' in {unit}' if unit not in ('', '1') else ''}: {words}. "
+            f"The {parts} disagree about {self.parameter}{f' in {unit}' if unit not in ('', '1') else ''}: {words}. "
             "They differ by more than their errors: battery, load or air changed, or the model lacks something "
-            "that moved the vehicle in one of them. The interval covers them all; identify each log separately "
+            f"that moved the vehicle in one of them. The interval covers them all; identify each {remedy} "
             "to see which differs.",
             scatter=self.scatter,
             chance=self.chance,

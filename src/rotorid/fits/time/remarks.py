@@ -147,6 +147,6 @@ def nothing_unseen(names: Sequence[str]) -> Finding:
     """The warning that no maneuver is left to validate the model."""
     return warn(
         "not_verified",
-        ", ".join(names),
+        ", ".join(dict.fromkeys(names)),
         "All maneuvers were used for the fit; none is left to validate the model. Give another log with --verify.",
     )
