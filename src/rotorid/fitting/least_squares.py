@@ -18,6 +18,9 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import BoolArray, FloatArray
 
+_UNTOLD = 0.05
+"""Part of a standard deviation by which two solutions are the same."""
+
 
 class Outcome(Enum):
     """How a solver ended. The values are sentences."""
@@ -75,6 +78,19 @@ class Solution(Immutable):
     trace: tuple[float, ...]
     at_bound: tuple[bool, ...]
     others: tuple[Minimum, ...] = ()
+
+    @property
+    def settled(self) -> bool:
+        r"""Whether it is at a minimum, or nearer to one than residuals can tell.
+
+        A search that was stopped on a flat floor counts, if one more undamped step would move no combination of
+        parameters by a twentieth of its deviation: :math:`|J \delta|^2 < 0.05^2 |r|^2 / n`.
+        """
+        if self.outcome is Outcome.CONVERGED:
+            return True
+        slopes = self.jacobian[:, ~np.array(self.at_bound, dtype=np.bool_)]
+        step = np.linalg.lstsq(slopes, self.residual, rcond=None)[0]
+        return bool(np.sum((slopes @ step) ** 2) < _UNTOLD**2 * self.cost / self.residual.size)
 
     def __post_init__(self) -> None:
         self._set(

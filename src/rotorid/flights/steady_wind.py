@@ -9,11 +9,15 @@ It is fixed to the earth, so what accelerometers see of it changes as the vehicl
 :math:`a^* = a - R^T D` (along the rotors only the share of it that acts there), and with angles about the direction of
 gravity and drag together, the vehicle hovers level: see :mod:`rotorid.models.steady_wind` for the model that is left.
 The mean is over the whole maneuver: smoothed over seconds, it would take away the low end of a sweep.
+
+A lean that sensors or a load make turns with the vehicle, that against a wind does not: where maneuvers are flown at
+several headings, the frame in which the mean directions agree says which it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -34,6 +38,12 @@ LEANING = (*ACCELERATIONS, "phi", "theta")
 
 LEAST_LEAN_RAD = 0.05
 """A smaller lean may be that of the sensors or of the load, and leaves a twentieth of gravity along the body."""
+
+_TILT, _TURN = ("roll", "pitch"), ("yaw",)
+"""Axes that tilt the thrust, and the one that turns what the wind meets."""
+
+_APART = 2.0
+"""Ratio of the spread of directions in the two frames from which one of them is wrong."""
 
 _LEAST_S = 10.0
 """Time over which attitude is averaged at least: a doublet leans by more than the wind makes it."""
@@ -65,7 +75,15 @@ def in_wind_of(
         return structure, tuple(flights)
     share = structure.constants.get(HEAVE_SHARE, 0.0) if heave_share is None else heave_share
     blown = with_steady_drag(flights, share)
-    return in_steady_wind(structure, *body_drag(blown), heave_share=share), blown
+    leaning = [flight for flight in blown if flight.steady_drag is not None]
+    found = in_steady_wind(
+        structure,
+        *body_drag(_flown_on(leaning, _TILT)),
+        turning=body_drag(_flown_on(leaning, _TURN)),
+        lean_rad=_lean(_flown_on(leaning, _TILT)),
+        heave_share=share,
+    )
+    return found, blown
 
 
 def mean_of(flights: Sequence[Flight], channel: str) -> float:
@@ -108,6 +126,36 @@ def body_drag(flights: Sequence[Flight]) -> tuple[float, float]:
         return 0.0, 0.0
     forward, right = np.hstack(parts)[:2].mean(axis=1).tolist()
     return forward, right
+
+
+def _flown_on(flights: Sequence[Flight], axes: Collection[str]) -> Sequence[Flight]:
+    """The flights on some axes; all where none is."""
+    return [flight for flight in flights if flight.maneuver.axis in axes] or flights
+
+
+def fixed_to_earth(flights: Sequence[Flight]) -> bool | None:
+    """Whether the lean of some flights is that of a wind, and not of sensors or a load that turn with the vehicle.
+
+    Parameters
+    ----------
+    flights
+        Maneuvers in hover.
+
+    Returns
+    -------
+    bool or None
+        ``None`` where the mean direction of the thrust differs little, or as much over the earth as along the body.
+    """
+    apart = []
+    for frame in (_thrust_direction, _gravity_direction):
+        known = [direction for flight in flights if (direction := frame(flight)) is not None]
+        if len(known) < 2:
+            return None
+        apart.append(float(np.linalg.norm(np.std(known, axis=0))))
+    over_earth, along_body = apart
+    if max(apart) < LEAST_LEAN_RAD or max(apart) < _APART * min(apart):
+        return None
+    return over_earth < along_body
 
 
 def without_steady_drag(history: TimeHistory, drag: SteadyDrag) -> TimeHistory:
@@ -157,6 +205,22 @@ def _thrust_direction(flight: Flight) -> FloatArray | None:
         ]
     ).mean(axis=1)
     return np.asarray(direction / np.linalg.norm(direction)) if direction[2] > 0.0 else None
+
+
+def _gravity_direction(flight: Flight) -> FloatArray | None:
+    """Mean direction of gravity in body axes; ``None`` without attitude."""
+    attitude = _attitude(flight)
+    if attitude is None:
+        return None
+    phi, theta, _ = attitude
+    down = np.stack([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]).mean(axis=1)
+    return np.asarray(down / np.linalg.norm(down))
+
+
+def _lean(flights: Sequence[Flight]) -> float:
+    """Mean lean against the steady drag of some flights, radians."""
+    drags = [math.hypot(*flight.steady_drag[:2]) for flight in flights if flight.steady_drag is not None]
+    return math.atan(float(np.mean(drags)) / STANDARD_GRAVITY_M_S2) if drags else 0.0
 
 
 def _in_body(flight: Flight) -> FloatArray:

@@ -16,6 +16,7 @@ import numpy as np
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fits.frequency.trim_choice import Trim
 from rotorid.flights.coverage import HOVER_M_S
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
@@ -357,17 +358,9 @@ _ONE_TRIM_M_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trimmed:
-    """A structure at a trim, with the remark on it where it is no level hover.
+class Trimmed(Trim):
+    """A structure at a trim, with the remark on it where it is no level hover."""
 
-    Parameters
-    ----------
-    flights
-        Maneuvers, which know the drag of a steady wind where the structure counts from it.
-    """
-
-    structure: LinearStructure
-    flights: tuple[Flight, ...]
     findings: tuple[Finding, ...] = ()
 
 

@@ -24,6 +24,9 @@ moments, by the derivatives of speed: :math:`M_w w_{air}`, :math:`L_v v_{air}`. 
 all, is taken off :math:`a_z` too: to first order both are right, and the one nearer to :math:`Z_w / X_u` keeps the
 motion of other axes out of it.
 
+Maneuvers are flown at several headings and in gusts, so the drag that an angle meets is that of the maneuvers that move
+it: heave has its own :math:`D`, the heading another, and gravity the lean of the maneuvers that tilt.
+
 Left out: second-order terms of the lean; gusts; drag that does not grow in proportion to speed.
 """
 
@@ -39,6 +42,12 @@ from rotorid.models.structure import LinearStructure, Rows
 
 STEADY_DRAG = ("D_x", "D_y")
 """Constants of a model in wind: steady drag over mass along the body, m/s²; zero in calm air."""
+
+TURNING_DRAG = ("D_x_yaw", "D_y_yaw")
+"""The same where the heading moves."""
+
+LEAN = "lean_0"
+"""Constant of a model in wind: angle between the thrust and the vertical at its trim, radians."""
 
 HEAVE_SHARE = "D_share"
 """Constant of a model in wind: share of the steady drag that the accelerometer of heave leaves out."""
@@ -68,7 +77,13 @@ def leans(structure: LinearStructure) -> bool:
 
 
 def in_steady_wind(
-    structure: LinearStructure, drag_x: float, drag_y: float, *, heave_share: float = 0.0
+    structure: LinearStructure,
+    drag_x: float,
+    drag_y: float,
+    *,
+    turning: tuple[float, float] | None = None,
+    lean_rad: float | None = None,
+    heave_share: float = 0.0,
 ) -> LinearStructure:
     """A model about a hover in which the vehicle leans against a steady wind.
 
@@ -78,20 +93,24 @@ def in_steady_wind(
         A model of hover that :func:`leans`, in calm air or in another wind.
     drag_x, drag_y
         Drag of the steady wind over mass, along the body axes at trim, m/s².
+    turning
+        The same where the heading moves, by default no other.
+    lean_rad
+        Lean that it takes, by default that against ``drag_x, drag_y``.
     heave_share
         Share of it that is taken off the accelerometer along the rotors.
 
     Returns
     -------
     LinearStructure
-        With the constants ``D_x D_y D_share`` and ``g`` along the thrust.
+        With the constants ``D_x D_y D_x_yaw D_y_yaw D_share lean_0`` and ``g`` along the thrust.
 
     Examples
     --------
     >>> from rotorid.models.library import library_model
     >>> windy = in_steady_wind(library_model("hover.longitudinal"), 1.0, 0.0)
     >>> round(windy.constants["g"], 3), windy.constants["D_x"]
-    (9.857, 1.0)
+    (9.858, 1.0)
     >>> in_steady_wind(windy, 0.0, 0.0).constants["g"]
     9.80665
     """
@@ -103,8 +122,11 @@ def in_steady_wind(
     across = math.hypot(drag_x, drag_y)
     if across >= g:
         raise ModelError(f"a steady drag of {across:.3g} m/s² across the rotors", needed=f"less than g = {g:.3g} m/s²")
-    steady = {"D_x": drag_x, "D_y": drag_y, HEAVE_SHARE: heave_share}
-    return structure.with_constants({"g": g / math.sqrt(1.0 - (across / g) ** 2), **steady})
+    lean_rad = math.asin(across / g) if lean_rad is None else lean_rad
+    drags = zip((*STEADY_DRAG, *TURNING_DRAG), (drag_x, drag_y, *(turning or (drag_x, drag_y))), strict=True)
+    return structure.with_constants(
+        {"g": g / math.cos(lean_rad), **dict(drags), HEAVE_SHARE: heave_share, LEAN: lean_rad}
+    )
 
 
 def lean_of(constants: Mapping[str, float]) -> float:
@@ -115,22 +137,25 @@ def lean_of(constants: Mapping[str, float]) -> float:
     >>> lean_of({"g": 9.80665})
     0.0
     """
-    across = math.hypot(*(constants.get(name, 0.0) for name in STEADY_DRAG))
-    # The drag across the rotors is g sin(lean), what the model has for gravity g/cos(lean).
-    return 0.5 * math.asin(min(2.0 * across / constants["g"], 1.0))
+    return constants.get(LEAN, 0.0)
 
 
 def _blown(structure: LinearStructure) -> LinearStructure:
     """The structure with what a steady wind adds to its equations, in calm air as yet."""
-    structure = replace(structure, constants={**structure.constants, **dict.fromkeys((*STEADY_DRAG, HEAVE_SHARE), 0.0)})
+    calm = dict.fromkeys((*STEADY_DRAG, *TURNING_DRAG, HEAVE_SHARE, LEAN), 0.0)
+    structure = replace(structure, constants={**structure.constants, **calm})
     F: dict[str, int] = {name: _row(structure, name) for name in ("u", "v", "w") if name in structure.states}
     damping: dict[str, Expression] = {name: structure.F[row][structure.states.index(name)] for name, row in F.items()}
     along, aside = damping.get("u", damping.get("v", _ZERO)), damping.get("v", damping.get("u", _ZERO))
-    u_0, v_0 = Expression.symbol("D_x") * _inverse(along), Expression.symbol("D_y") * _inverse(aside)
+    u_0, v_0, u_turning, v_turning = (
+        Expression.symbol(name) * _inverse(by)
+        for name, by in zip((*STEADY_DRAG, *TURNING_DRAG), (along, aside, along, aside), strict=True)
+    )
     if "r" in structure.states and "psi" not in structure.states and _turned_by_speed(structure, F):
         structure = _with_heading(structure)
     changes: dict[tuple[int, str], Expression] = {}
-    for speed, angle, airspeed in (("u", "psi", v_0), ("v", "psi", -u_0), ("w", "theta", u_0), ("w", "phi", -v_0)):
+    met = (("u", "psi", v_turning), ("v", "psi", -u_turning), ("w", "theta", u_0), ("w", "phi", -v_0))
+    for speed, angle, airspeed in met:
         if not {speed, angle} <= set(structure.states):
             continue
         for row, entries in enumerate(structure.F):

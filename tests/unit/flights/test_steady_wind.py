@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.unit.identifying.small_logs import DURATION_S, log, sweeps, topic
 
+from rotorid.flights.flights import Flight
 from rotorid.flights.segments import cut
-from rotorid.flights.steady_wind import body_drag, in_wind_of, with_steady_drag
+from rotorid.flights.steady_wind import body_drag, fixed_to_earth, in_wind_of, with_steady_drag
 from rotorid.models.library import library_model
+from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 
 RATE_HZ = 50.0
@@ -21,9 +24,17 @@ LEAN = 0.15
 DRAG = G * math.tan(LEAN)
 
 
-def leaning(**channels: object):  # type: ignore[no-untyped-def]
+def leaning(*, axis: Axis = "pitch", **channels: object) -> tuple[Flight, ...]:
     given = {"pitch_command": 0.1 * SWAY, "theta": LEAN, "phi": 0.0, "psi": 0.3 * SWAY, "u": 0.0, "v": 0.0, "w": 0.0}
-    return sweeps(log(topic("log", RATE_HZ, {**given, **channels})), ["pitch"]).fitted  # type: ignore[arg-type]
+    return sweeps(log(topic("log", RATE_HZ, {**given, **channels})), [axis]).fitted  # type: ignore[arg-type]
+
+
+def at_heading(psi: float, axis: Axis = "pitch") -> tuple[Flight, ...]:
+    """Leaning against the same wind at some heading."""
+    seen = Rotation.from_euler("Z", psi).inv().apply([DRAG, 0.0, G]) / math.hypot(DRAG, G)
+    # Thrust along gravity and drag together, seen from the body.
+    phi = math.asin(-seen[1])
+    return leaning(axis=axis, psi=psi, phi=phi, theta=math.atan2(seen[0], seen[2]))
 
 
 def test_the_drag_is_that_of_the_lean_fixed_to_the_earth() -> None:
@@ -65,3 +76,23 @@ def test_calm_hover_and_flight_stay_as_they_are(channels: dict[str, float]) -> N
     structure, same = in_wind_of(calm, flights)
     assert structure is calm
     assert same == tuple(flights)
+
+
+def test_headings_tell_a_wind_from_sensors_askew() -> None:
+    assert fixed_to_earth([*leaning(), *leaning()]) is None
+    assert fixed_to_earth([*at_heading(0.0), *at_heading(1.0)]) is True
+    assert fixed_to_earth([*leaning(psi=0.0), *leaning(psi=1.0)]) is False
+    assert fixed_to_earth(leaning()) is None
+
+
+def test_each_angle_meets_the_drag_of_the_maneuvers_that_move_it() -> None:
+    structure, _ = in_wind_of(library_model("hover.full"), [*at_heading(0.0), *at_heading(1.2, axis="yaw")])
+    constants = structure.constants
+    across = G * math.sin(LEAN)
+    assert (constants["D_x"], constants["D_y"]) == pytest.approx((across, 0.0), abs=0.02)
+    assert (constants["D_x_yaw"], constants["D_y_yaw"]) == pytest.approx(
+        (across * math.cos(1.2), -across * math.sin(1.2)), abs=0.02
+    )
+    # The mean of both drags would be shorter than either.
+    assert constants["lean_0"] == pytest.approx(LEAN, rel=0.01)
+    assert constants["g"] == pytest.approx(G / math.cos(LEAN), rel=1e-3)

@@ -29,7 +29,6 @@ from rotorid.fitting.frequency.problem import (
 from rotorid.fitting.frequency.screening import (
     above_speed_modes,
 )
-from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.measure import Measured
 from rotorid.models.families import family_of, lacks_speed_modes
 from rotorid.models.state_space import StateSpace
@@ -183,8 +182,7 @@ def _reasons_to_refuse(fitted: FrequencyFit) -> list[Finding]:
     # With errors that go together the values are those of a second fit.
     reasons = [
         refusal("not_converged", name, f"The fit did not converge: {ended.value}")
-        for ended in dict.fromkeys((fitted.solution.outcome, fitted.final.outcome))
-        if ended is not Outcome.CONVERGED
+        for ended in dict.fromkeys(one.outcome for one in (fitted.solution, fitted.final) if not one.settled)
     ]
     reasons += faster_than_sampled(name, fitted.system, problem.data.sample_rate_hz)
     reasons += _led_by_feedback(fitted)

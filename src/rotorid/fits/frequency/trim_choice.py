@@ -2,14 +2,16 @@
 
 A vehicle leans against a steady wind, whose drag is fixed to the earth, or because its sensors or its load stand askew,
 which turns with it; and drag acts along the rotors as across them, as that of a body, or in their plane alone. Attitude
-shows none of that, responses do: the model is fitted at each trim, and the best fit counts.
+shows the first alone, where headings differ. Responses show the rest: the model is fitted at each trim, and the best
+fit counts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import cost_of
@@ -18,24 +20,30 @@ from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
+from rotorid.flights.steady_wind import fixed_to_earth
+from rotorid.models.steady_wind import TURNING_DRAG
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings
 
 
-class _Trim(Protocol):
-    """A model and its flights at a trim."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trim:
+    """A structure and its flights at a trim.
 
-    @property
-    def structure(self) -> LinearStructure: ...
+    Parameters
+    ----------
+    flights
+        Maneuvers, which know the drag of a steady wind where the structure counts from it.
+    """
 
-    @property
-    def flights(self) -> tuple[Flight, ...]: ...
+    structure: LinearStructure
+    flights: tuple[Flight, ...]
 
 
-TrimT = TypeVar("TrimT", bound=_Trim)
+TrimT = TypeVar("TrimT", bound=Trim)
 
 
-_HEAVE = "az"
+_HEAVE, _YAW, _RATE_OF_YAW = "az", "yaw_command", "r"
 
 _SURELY_LOWER = 2.0
 """Ratio of costs of heave from which drag in the plane of the rotors alone counts; below it both fit."""
@@ -58,6 +66,11 @@ class _Fitted(NamedTuple):
         own = [cost for name, cost in self.costs.items() if name.startswith(f"{_HEAVE}/")]
         return math.inf if self.missed or not own else sum(own) / len(own)
 
+    @property
+    def turned(self) -> bool:
+        """Whether a response to yaw shows more than the heading."""
+        return any(name.endswith(f"/{_YAW}") and not name.startswith(f"{_RATE_OF_YAW}/") for name in self.costs)
+
     def surely_below(self, other: _Fitted) -> bool:
         """Whether it misses no response where the other does, or costs clearly less over those that both have."""
         if self.missed is not other.missed:
@@ -69,15 +82,18 @@ class _Fitted(NamedTuple):
 def best_trim(trims: Sequence[TrimT], settings: IdentifySettings) -> TrimT:
     """The trim at which a model explains the flights best; without a choice nothing is fitted.
 
-    A vehicle leans against a wind, unless the trim that turns with it misses no response where that of the wind does,
-    or costs clearly less. Its drag acts along the rotors as across them, unless heave costs surely less without.
+    A vehicle leans against a wind, unless its lean turns with it; where headings do not show that, unless the trim that
+    turns with it misses no response where that of the wind does, or costs clearly less. Drag acts along the rotors as
+    across them, unless heave costs surely less without. What the wind does to a vehicle that turns counts where a
+    response to yaw shows it: where only the heading answers, nothing but products of couplings would.
 
     Parameters
     ----------
     trims
         A model and its flights: first the trim that turns with the vehicle, then those of a steady wind.
     """
-    if len(trims) == 1:
+    of_wind = fixed_to_earth(trims[0].flights) if len(trims) > 1 else False
+    if of_wind is False:
         return trims[0]
     found = [(trim, _fitted(trim, settings)) for trim in trims]
     turning, *windy = found
@@ -86,10 +102,16 @@ def best_trim(trims: Sequence[TrimT], settings: IdentifySettings) -> TrimT:
         plane, body = windy
         heaves = plane[1].heave, body[1].heave
         best = plane if _SURELY_LOWER * heaves[0] < heaves[1] else body
-    return turning[0] if turning[1].surely_below(best[1]) else best[0]
+    gives_up = best[1].missed and not turning[1].missed if of_wind else turning[1].surely_below(best[1])
+    if gives_up:
+        return turning[0]
+    trim, fitted = best
+    if fitted.turned or TURNING_DRAG[0] not in trim.structure.constants:
+        return trim
+    return replace(trim, structure=trim.structure.with_constants(dict.fromkeys(TURNING_DRAG, 0.0)))
 
 
-def _fitted(trim: _Trim, settings: IdentifySettings) -> _Fitted:
+def _fitted(trim: Trim, settings: IdentifySettings) -> _Fitted:
     structure, flights = trim.structure, trim.flights
     try:
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
