@@ -45,12 +45,12 @@ def by_blocks(parts: Sequence[Part]) -> FloatArray:
         pulled = np.einsum("nyp,ny->np", part.slopes, part.residual)
         blocks = max(1, round(len(pulled) / (BLOCK_S * part.sample_rate_hz)))
         scores += [block.sum(axis=0) for block in np.array_split(pulled, blocks)]
-    return _sandwich(parts, np.array(scores))
+    return by_pulls(parts, np.array(scores))
 
 
 def by_outputs(parts: Sequence[Part]) -> FloatArray:
     """Covariance of the parameters by how the outputs differ, shape ``(p, p)``; zero for a single output."""
-    return _sandwich(parts, sum(np.einsum("nyp,ny->yp", part.slopes, part.residual) for part in parts))
+    return by_pulls(parts, sum(np.einsum("nyp,ny->yp", part.slopes, part.residual) for part in parts))
 
 
 def by_bands(parts: Sequence[Part]) -> FloatArray:
@@ -69,7 +69,7 @@ def by_bands(parts: Sequence[Part]) -> FloatArray:
         frequency = rfftfreq(samples, 1.0 / part.sample_rate_hz)
         frequency[0] = 0.5 * frequency[1] if frequency.size > 1 else 1.0
         _gather(found, pulled, frequency)
-    return _sandwich(parts, np.array(list(found.values())))
+    return by_pulls(parts, np.array(list(found.values())))
 
 
 def by_lines(parts: Sequence[Part], omega_rad_s: Sequence[FloatArray]) -> FloatArray:
@@ -85,7 +85,7 @@ def by_lines(parts: Sequence[Part], omega_rad_s: Sequence[FloatArray]) -> FloatA
         pulled = np.einsum("nyp,ny->np", part.slopes, part.residual)
         lines = pulled[: omega.size] + pulled[omega.size :]
         _gather(found, lines, omega / (2.0 * np.pi))
-    return _sandwich(parts, np.array(list(found.values())))
+    return by_pulls(parts, np.array(list(found.values())))
 
 
 def _gather(found: dict[int, FloatArray], pulled: FloatArray, frequency_hz: FloatArray) -> None:
@@ -95,7 +95,8 @@ def _gather(found: dict[int, FloatArray], pulled: FloatArray, frequency_hz: Floa
         found[band] = found.get(band, np.zeros(pulled.shape[1])) + pulled[bands == band].sum(axis=0)
 
 
-def _sandwich(parts: Sequence[Part], scores: FloatArray) -> FloatArray:
+def by_pulls(parts: Sequence[Part], scores: FloatArray) -> FloatArray:
+    """Covariance of the parameters by any pulls ``(b, p)`` that together are all of the data; zero of a single one."""
     slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
     size = np.linalg.norm(slopes, axis=0)
     if len(scores) < 2:

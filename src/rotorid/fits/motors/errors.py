@@ -36,13 +36,14 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
+from rotorid.fitting.problem import Part
 from rotorid.flights.motor_data import MotorData
 from rotorid.models.motors import DELAYS, SPIN_UP
 from rotorid.models.parameter import ParameterSet
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
-from rotorid.uncertainty.sandwich import by_bands
+from rotorid.uncertainty.sandwich import by_bands, by_pulls
 
 ACCELEROMETER_BIAS_M_S2 = 0.05
 """Of a calibrated accelerometer."""
@@ -108,17 +109,17 @@ def motor_model_error(fit: MotorFit, random: FloatArray) -> FloatArray:
             scores[block.place, number] = scores.get((block.place, number), np.zeros(count)) + score
     inverse = _inverse(normal)
     found = np.zeros((count, count))
-    if len(scores) > 1:
-        moved = inverse @ np.stack(list(scores.values()), axis=1)
-        found = _beyond(moved @ moved.T * len(scores) / (len(scores) - 1.0), random)
-    found += _between_bands(fit, random + found)
+    parts = fit.parts()
+    if scores:
+        found = _beyond(by_pulls(parts, np.stack(list(scores.values()))), random)
+    found += _between_bands(parts, random + found)
     steps = [_slow_step(slow_normal, slow_score, inverse), *_left_out(blocks, inverse)]
     return found + sum((np.outer(step, step) for step in steps), start=np.zeros_like(found))
 
 
-def _between_bands(fit: MotorFit, known: FloatArray) -> FloatArray:
+def _between_bands(parts: Sequence[Part], known: FloatArray) -> FloatArray:
     """What bands of half an octave disagree about beyond a covariance: pieces and bands see one misfit."""
-    variance = by_bands(fit.parts()).diagonal()
+    variance = by_bands(parts).diagonal()
     return np.diag(np.maximum(variance - known.diagonal(), 0.0))
 
 
