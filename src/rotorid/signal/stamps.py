@@ -109,6 +109,27 @@ def clock_error_s(
     return max(known) if known and len(known) == len(found) else None
 
 
+def slowest_step_s(record: FlightRecord, channels: Iterable[str], interval: tuple[float, float]) -> float:
+    """Step between the messages of the slowest of some channels, seconds; infinite where one is not logged.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, Source, Topic
+    >>> def topic(name, unit, step_s):
+    ...     channels = (Channel(name=name, unit=unit),)
+    ...     return Topic(name=name, time_s=step_s * np.arange(100), channels=channels, values=np.zeros((1, 100)))
+    >>> topics = (topic("phi", "rad", 0.004), topic("velocity_north", "m/s", 0.04))
+    >>> log = FlightRecord(source=Source(name="a.ulg", format="PX4 ULog", sha256=""), topics=topics)
+    >>> [round(slowest_step_s(log, names, (0.0, 0.3)), 3) for names in (["phi"], ["phi", "velocity_north"])]
+    [0.004, 0.04]
+    """
+    try:
+        topics = [source_topic(record, name, *interval)[0] for name in channels]
+    except InsufficientDataError:
+        return math.inf
+    return max((_step_s(topic.time_s) for topic in topics), default=math.inf)
+
+
 def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop_s: float) -> float | None:
     # What is worked out from other channels has no stamps of its own.
     logged = bool(channels) and all(name in record.channel_names for name in channels)

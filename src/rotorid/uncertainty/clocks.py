@@ -14,7 +14,7 @@ Slopes that leave the initial states where they were would give a third of that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -55,7 +55,9 @@ def _by_unit(names: Sequence[str]) -> list[tuple[int, ...]]:
     return [tuple(rows) for rows in found.values()]
 
 
-def clock_shifts(problem: RecordsProblem, theta: FloatArray, *, late: float = CLOCK_SAMPLES) -> FloatArray:
+def clock_shifts(
+    problem: RecordsProblem, theta: FloatArray, *, late: Callable[[str], float] = lambda _: CLOCK_SAMPLES
+) -> FloatArray:
     """By how much each group of channels moves the parameters, were its clock late by a standard deviation.
 
     Parameters
@@ -65,7 +67,7 @@ def clock_shifts(problem: RecordsProblem, theta: FloatArray, *, late: float = CL
     theta
         Where the fit ended.
     late
-        Standard deviation of a clock, in samples.
+        Channel to the standard deviation of its clock, in samples of the records; in a group the largest counts.
 
     Returns
     -------
@@ -92,11 +94,11 @@ def clock_shifts(problem: RecordsProblem, theta: FloatArray, *, late: float = CL
     structure = problem.structure
     rows = []
     for group in clock_groups(structure.inputs, structure.outputs):
+        names = [*(structure.inputs[row] for row in group.inputs), *(structure.outputs[row] for row in group.outputs)]
+        samples = max(late(name) for name in names)
         sides = [
-            replace(problem, records=tuple(shifted(record, group, side * late) for record in problem.records)).parts(
-                theta
-            )
-            for side in (1.0, -1.0)
+            replace(problem, records=tuple(shifted(record, group, moved) for record in problem.records)).parts(theta)
+            for moved in (samples, -samples)
         ]
         rows.append(_half_difference(*sides))
     return np.array(rows)

@@ -62,6 +62,17 @@ def test_attitudes_against_speeds_move_drag() -> None:
     assert (np.abs(attitudes) > 1e-3).all()
 
 
+def test_each_channel_has_the_clock_of_its_message() -> None:
+    fit = fit_nonlinear(drag_problem(1))
+    usual = clock_shifts(fit.problem, fit.solution.theta)
+    quick = clock_shifts(fit.problem, fit.solution.theta, late=lambda name: 0.015 if name == "theta" else LATE)
+    np.testing.assert_array_equal(usual, quick)  # roll has the same unit, and is as slow as it was
+    names = {"phi": 0.1 * LATE, "theta": 0.1 * LATE}
+    quick = clock_shifts(fit.problem, fit.solution.theta, late=lambda name: names.get(name, LATE))
+    np.testing.assert_allclose(quick[0], 0.1 * usual[0], rtol=0.2)
+    np.testing.assert_array_equal(quick[1:], usual[1:])
+
+
 def test_a_clock_is_a_delay() -> None:
     lag = response_model("response.first_order_delay", [("phi_setpoint", "phi")])
     values = lag.parameters.with_values({"K_phi": 1.0, "T_phi": 0.2, "tau_phi": 0.07})
