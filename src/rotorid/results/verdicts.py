@@ -218,7 +218,9 @@ def response_verdict(pair: str, cost: float, findings: Iterable[FindingLike]) ->
     """
     by_cost = cost_verdict(cost)
     for finding in findings:
-        if finding.kind == "structure_error" and finding.where == pair and by_cost.level != "poor":
+        # A note says only that the data cannot judge the structure.
+        missed = finding.kind == "structure_error" and finding.severity != "info"
+        if missed and finding.where == pair and by_cost.level != "poor":
             percent = finding.numbers.get("model_error_percent")
             return Verdict("fair", f"the model misses it{'' if percent is None else f' by {percent:.2g} %'}")
     return by_cost

@@ -87,6 +87,7 @@ class Bounds(Immutable):
             cramer_rao=read_only(self.cramer_rao, np.float64, ndim=1),
             insensitivity=read_only(self.insensitivity, np.float64, ndim=1),
             covariance=read_only(self.covariance, np.float64, ndim=2),
+            assumed=None if self.assumed is None else read_only(self.assumed, np.float64, ndim=2),
         )
 
     @property

@@ -110,6 +110,9 @@ def test_no_green_stands_beside_values_without_physical_meaning(cost: float) -> 
     assert row.verdict == response_verdict("p/roll_command", cost, made.findings)
     assert row.verdict is not None
     assert row.verdict.level == "fair"
+    # Nor is a response wrong whose structure the data cannot judge.
+    note = remark("structure_error", "p/roll_command", "Not enough data.", log_likelihood=1.0)
+    assert response_verdict("p/roll_command", cost, [note]) == cost_verdict(cost)
     # Another response is not touched.
     assert response_verdict("q/pitch_command", cost, made.findings) == cost_verdict(cost)
 
