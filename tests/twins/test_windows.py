@@ -108,24 +108,19 @@ FLIGHTS = 20
 FEW_AVERAGES = pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
-    reason="three windows in 120 s show the size of strong gusts to some 50 %: of 25 flights of the exact "
-    "rig 20 % are called wrong, of 24 without the lag 75 %",
+    reason="three windows in 120 s show the size of strong gusts to some 50 %: of 50 flights without the lag "
+    "76 % are found, where 2 % of the exact ones are called wrong",
 )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("windows", "air"),
-    [
-        *((name, air) for name in WINDOWS for air in ({}, {"gust": 0.01})),
-        pytest.param("of the paper", {"gust": 0.05}, marks=FEW_AVERAGES),
-    ],
+    [(name, air) for name in WINDOWS for air in ({}, {"gust": 0.01}, {"gust": 0.05})],
 )
 def test_intervals_are_sharp_and_hold(windows: str, air: dict[str, float]) -> None:
     every = [identified(flown(seed, **air), WINDOWS[windows]) for seed in range(2000, 2000 + FLIGHTS)]
     ratio = np.array([one.error / one.fit.bounds.std for one in every])
-    if np.mean(np.abs(ratio) <= 1.96) < 0.85 or np.mean([one.misses for one in every]) > 0.4:
-        pytest.fail("beyond what is known")
     assert np.mean(np.abs(ratio) <= 1.96) >= 0.9
     assert np.sqrt(np.mean(ratio**2)) <= 1.2
     assert sum(one.misses for one in every) <= 1
@@ -138,3 +133,13 @@ def test_a_wrong_structure_is_found_where_it_matters(windows: str, missing: dict
     every = [identified(flown(seed, **missing), WINDOWS[windows]) for seed in range(2000, 2000 + FLIGHTS)]
     moved = [one.misses for one in every if np.abs(one.error / one.fit.bounds.std).max() > 2.0]
     assert np.mean(moved) >= 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("windows", [pytest.param("of the paper", marks=FEW_AVERAGES), "by default"])
+def test_a_missing_lag_is_found_in_gusts(windows: str) -> None:
+    every = [identified(flown(seed, lag_s=0.15, gust=0.05), WINDOWS[windows]) for seed in range(2000, 2000 + FLIGHTS)]
+    found = np.mean([one.misses for one in every])
+    if found < 0.5:
+        pytest.fail("beyond what is known")
+    assert found >= 0.8

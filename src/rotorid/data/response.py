@@ -38,17 +38,21 @@ class Disturbance(Immutable):
         Densities of the disturbances as the errors of the estimate were stated with, shape ``(y, f)``.
     weak_instrument
         Factor on the stated errors because instruments are weak, shape ``(y, u, f)``; one for a strong one.
+    freedom
+        Degrees of freedom of each level, shape ``(f,)``: three windows show it to some 50 % only.
     """
 
     densities: ComplexArray
     level: FloatArray
     weak_instrument: FloatArray
+    freedom: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
             densities=read_only(self.densities, np.complex128, ndim=3),
             level=read_only(self.level, np.float64, ndim=2),
             weak_instrument=read_only(self.weak_instrument, np.float64, ndim=3),
+            freedom=read_only(self.freedom, np.float64, ndim=1),
         )
 
 

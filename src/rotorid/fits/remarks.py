@@ -30,7 +30,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination
-from rotorid.uncertainty.model_error import Evidence, model_error_evidence
+from rotorid.uncertainty.model_error import Evidence, as_normal, model_error_evidence
 
 _INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
 
@@ -177,8 +177,8 @@ vehicles, flown to amplitudes at which they bend, have up to 2.2 %."""
 MEANINGLESS_STRUCTURE_ERROR = 0.1
 """Above it the values follow the data and have no physical meaning; a structure is judged where this would show."""
 
-_CERTAIN = 3.0
-"""Logarithm of the likelihood that a model error must gain: chance gives it to one of 140 exact structures."""
+_CERTAIN = 2.0
+"""Logarithm of the likelihood that a model error must gain: chance gives it to one of fifty exact structures."""
 
 _MANY_TIMES = 6.0
 """Times the median cost, and ..."""
@@ -203,8 +203,9 @@ def structure_evidence(problem: FrequencyProblem, limits: Bounds, theta: FloatAr
     names = np.array(pair_names(problem.data)).reshape(problem.used.shape[:2])
     main = [str(names[place]) for place in sorted(main_pairs(problem), key=lambda place: place[1])]
     residual, jacobian = problem.residuals(theta)
+    normal = as_normal(residual, errors, problem.freedom)
     return model_error_evidence(
-        limits.model_error, residual, jacobian, errors.covariance, main, asked=MEANINGLESS_STRUCTURE_ERROR
+        limits.model_error, normal, jacobian, errors.covariance, main, asked=MEANINGLESS_STRUCTURE_ERROR
     )
 
 

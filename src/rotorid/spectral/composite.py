@@ -26,6 +26,7 @@ from rotorid.data.response import Disturbance
 from rotorid.spectral.conditioning import Conditioned, ConditionedResponse, OutputSpectra, condition
 from rotorid.spectral.errors import (
     compacted,
+    density_freedom,
     influence,
     random_error,
     residual_share,
@@ -34,6 +35,7 @@ from rotorid.spectral.errors import (
     weak_instrument_factor,
 )
 from rotorid.spectral.spectra import Spectra
+from rotorid.spectral.windows import Taper
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 
 _COHERENCE_WEIGHT = 5.0
@@ -497,6 +499,8 @@ def disturbance_of(
     parts: Sequence[Composed],
     left: Sequence[FloatArray],
     points: BoolArray,
+    *,
+    taper: Taper,
 ) -> Disturbance:
     """The disturbance of an estimate.
 
@@ -515,12 +519,14 @@ def disturbance_of(
         :func:`rotorid.spectral.errors.residual_share`.
     points
         Frequencies of the windows to answer for, shape ``(f,)``.
+    taper
+        Of the windows.
     """
     share = np.mean([part.share.mean(axis=0) for part in parts], axis=0)
     count, outputs = share.shape[1], len(parts)
     inputs, own = len(windows[0].inputs), np.arange(len(parts))
     total = np.zeros((count, outputs + inputs, outputs + inputs), dtype=np.complex128)
-    level = np.zeros((count, outputs))
+    level, freedom = np.zeros((count, outputs)), np.zeros(count)
     for index, window in enumerate(windows):
         here = slice(count - window.matrix.omega_rad_s.size, None)
         rows = [
@@ -535,10 +541,12 @@ def disturbance_of(
         total[here] += share[index, here, None, None] * densities.conj()
         noise = np.stack([condition(window, output[index]).noise for output in spectra], axis=1)
         level[here] += share[index, here, None] * noise / left[index][:, None]
+        freedom[here] += share[index, here] * density_freedom(window.matrix, taper, reach=SMOOTHING_POINTS)
     return Disturbance(
         densities=np.moveaxis(total, 0, -1)[..., points],
         level=smoothed(level.astype(np.complex128)).real.T[:, points],
         weak_instrument=np.stack([part.weak_instrument for part in parts])[..., points],
+        freedom=freedom[points],
     )
 
 

@@ -21,6 +21,7 @@ from itertools import chain
 import numpy as np
 
 from rotorid.spectral.conditioning import ConditionedResponse
+from rotorid.spectral.spectra import SpectralMatrix
 from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -237,6 +238,41 @@ def residual_share(window: ConditionedResponse, taper: Taper) -> FloatArray:
         alike = _overlap(taper, int(shift[near].min()), matrix.window.blocks)
         taken += 2.0 * alike * np.einsum("fkr,fkr->f", basis[:, :-lag][:, near].conj(), basis[:, lag:][:, near]).real
     return np.asarray(np.clip(1.0 - taken / count, _LEAST_LEFT, 1.0))
+
+
+_LINE = np.linspace(0.0, 80.0, 801)
+"""Distances in frequency times the length of a window, beyond which two transforms share nothing."""
+
+
+def density_freedom(matrix: SpectralMatrix, taper: Taper, *, reach: int) -> FloatArray:
+    r"""Degrees of freedom of a density from overlapping windows, averaged over neighboring points, shape ``(f,)``.
+
+    With the correlations N of the transforms of the K windows, and c of those at the n points of a mean,
+
+    .. math:: \nu = 2 \, \frac{K^2}{\sum_{kl} N_{kl}^2} \, \frac{n^2}{\sum_{ij} |c_{ij}|^2}, \qquad
+        c_{ij} = \frac{\int w^2(t) e^{j (\omega_i - \omega_j) t} \, dt}{\int w^2(t) \, dt}
+
+    Parameters
+    ----------
+    reach
+        Points to either side that are averaged.
+    """
+    count, starts, blocks = len(matrix.transforms), matrix.starts, matrix.window.blocks
+    alike = float(count)
+    for lag in range(1, count):
+        shift = starts[lag:] - starts[:-lag]
+        near = shift < blocks
+        if not near.any():
+            break
+        alike += 2.0 * np.count_nonzero(near) * _overlap(taper, int(shift[near].min()), blocks) ** 2
+    power = taper.samples(_FINE * 8) ** 2
+    middle = (np.arange(power.size) + 0.5) / power.size
+    shared = np.abs(np.exp(1j * _LINE[:, None] * middle) @ power / power.sum()) ** 2
+    omega = matrix.omega_rad_s
+    place = np.clip(np.arange(omega.size)[:, None] + np.arange(-reach, reach + 1), 0, omega.size - 1)
+    apart = np.abs(omega[place][:, :, None] - omega[place][:, None, :]) * matrix.window_s
+    lines = place.shape[1] ** 2 / np.interp(apart, _LINE, shared, right=0.0).sum(axis=(1, 2))
+    return np.asarray(2.0 * count**2 / alike * lines)
 
 
 def _overlap(taper: Taper, shift: int, blocks: int) -> float:

@@ -354,7 +354,9 @@ def response_from(
     held = [
         part if own is None else replace(part, values=part.values - own) for part, own in zip(whole, added, strict=True)
     ]
-    disturbance = disturbance_of(composer.windows, [answer.densities for answer in answers], held, composer.left, asked)
+    disturbance = disturbance_of(
+        composer.windows, [answer.densities for answer in answers], held, composer.left, asked, taper=spectra.taper
+    )
     share = np.mean([part.share for part in whole], axis=0)
     response = FrequencyResponse(
         omega_rad_s=omega_rad_s,

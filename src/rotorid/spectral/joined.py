@@ -337,7 +337,7 @@ def _disturbance(whole: _Whole, columns: Sequence[FrequencyResponse]) -> Disturb
         return None
     y, u, f = whole.shape
     densities = np.zeros((y + u, y + u, f), dtype=np.complex128)
-    level, weak, count = np.zeros((y, f)), np.ones((y, u, f)), np.zeros(f)
+    level, weak, count, freedom = np.zeros((y, f)), np.ones((y, u, f)), np.zeros(f), np.zeros(f)
     for source, (part, disturbance) in enumerate(zip(columns, disturbances, strict=True)):
         assert disturbance is not None
         points = whole.places(part)[2]
@@ -345,4 +345,5 @@ def _disturbance(whole: _Whole, columns: Sequence[FrequencyResponse]) -> Disturb
         level[:, points] += disturbance.level
         weak[:, source, points] = disturbance.weak_instrument[:, source]
         count[points] += 1.0
-    return Disturbance(densities=densities / count, level=level / count, weak_instrument=weak)
+        freedom[points] += disturbance.freedom
+    return Disturbance(densities=densities / count, level=level / count, weak_instrument=weak, freedom=freedom)

@@ -597,6 +597,13 @@ class FrequencyProblem(Problem):
         model = self.structure.response(self.parameters.unpack(theta).values, self.data.omega_rad_s)
         return residual_errors(self.data, self.used, self.point_scales, model=model)
 
+    @property
+    def freedom(self) -> FloatArray:
+        """Degrees of freedom with which the size of the disturbance is known at each point, shape ``(n,)``."""
+        if self.data.disturbance is None:
+            return np.full(self.points.frequency.size, np.inf)
+        return self.data.disturbance.freedom[np.nonzero(self.used)[2]]
+
     def stated_errors(self, theta: FloatArray, *, weights: Literal["cifer", "covariance"] = "cifer") -> ResidualErrors:
         """The errors that the responses state; with weights of the covariance, those about the model at ``theta``."""
         return self.errors if weights == "cifer" else self.errors_about(theta)
