@@ -369,7 +369,7 @@ def as_normal(residual: FloatArray, errors: ResidualErrors, freedom: FloatArray)
 
 def _over(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     """The ratio, and zero where phases do not count."""
-    return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0.0)
+    return np.asarray(np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0.0))
 
 
 def model_error_evidence(
