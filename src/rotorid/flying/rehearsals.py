@@ -51,7 +51,7 @@ def rehearsed(choices: DesignSettings, plan: FlightPlan) -> tuple[FlightRecord, 
         except (ModelError, UsageError):
             continue
         with tempfile.TemporaryDirectory() as folder:
-            log = Path(folder) / simulated.file_names[number]
+            log = Path(folder) / f"simulated_{simulated.file_names[number]}"
             write_run(log, run, simulated)
             logs.append(read(log))
     return tuple(logs)
