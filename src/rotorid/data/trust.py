@@ -26,6 +26,10 @@ LARGEST_RANDOM_ERROR = 0.3
 SMALL_ERROR = f"an error below {100.0 * LARGEST_RANDOM_ERROR:g} %"
 """The same in words."""
 
+MEANINGLESS_STRUCTURE_ERROR = 0.1
+"""Relative model error of a main response above which values follow the data and have no physical meaning; a structure
+is judged where this would show."""
+
 LEAST_WIDTH = 2.0
 """Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be separated."""
 

@@ -15,6 +15,7 @@ from rotorid.data.trust import (
     FITTED_SHARE,
     INSENSITIVITY_GUIDELINE_PERCENT,
     LARGEST_RANDOM_ERROR,
+    MEANINGLESS_STRUCTURE_ERROR,
 )
 from rotorid.fits.data_requirements import main_pairs
 from rotorid.fitting.frequency.problem import (
@@ -30,7 +31,7 @@ from rotorid.models.parameter import ParameterSet
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination
-from rotorid.uncertainty.model_error import Evidence, as_normal, model_error_evidence
+from rotorid.uncertainty.model_error import LARGEST_MODEL_ERROR, Evidence, as_normal, model_error_evidence
 
 _INPUT_DELAYS = tuple(f"tau_{axis}" for axis in AXES)
 
@@ -106,12 +107,12 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
     total = f"{milliseconds(together, std)} ms"
     correlated = minus(f"{correlation:.2f}")
     surer = ", more certain than either" if std < min(lag_std, delay_std) else ""
+    trust = f" Trust their sum of {total}." if std < max(lag_std, delay_std) else ""
     message = (
         f"Motor lag and delay are {each}, correlated by {correlated}; their sum is {total}{surer}."
         if separable
-        else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlated}. Trust their sum "
-        f"of {total}. A wider band would separate them, or a lag from a bench or from measured motor speeds "
-        f"(--fix {MOTOR_LAG}=VALUE)."
+        else f"Motor lag and delay can barely be separated: {each} with a correlation of {correlated}.{trust} A wider "
+        f"band would separate them, or a lag from a bench or from measured motor speeds (--fix {MOTOR_LAG}=VALUE)."
     )
     return (remark if separable else warn)(
         "lag_plus_delay" if separable else "not_identifiable",
@@ -174,11 +175,11 @@ LARGEST_STRUCTURE_ERROR = 0.025
 """Relative model error of a main response above which the structure does not hold. Exact structures of simulated
 vehicles, flown to amplitudes at which they bend, have up to 2.2 %."""
 
-MEANINGLESS_STRUCTURE_ERROR = 0.1
-"""Above it the values follow the data and have no physical meaning; a structure is judged where this would show."""
-
 _CERTAIN = 2.0
 """Logarithm of the likelihood that a model error must gain: chance gives it to one of fifty exact structures."""
+
+_NEAR_THE_END = 0.9
+"""Of the largest model error that is looked for: beyond it the size is a limit."""
 
 _MANY_TIMES = 6.0
 """Times the median cost, and ..."""
@@ -224,10 +225,10 @@ def judge_structure(
     """
     findings = []
     names = np.array(pair_names(problem.data)).reshape(costs.shape)
-    sizes = limits.model_error.sizes if limits.model_error else {}
+    found = limits.model_error
     for name, said in evidence.items():
-        if sizes[name] > LARGEST_STRUCTURE_ERROR and said.found > _CERTAIN:
-            findings.append(_misses(name, sizes[name]))
+        if found is not None and found.sizes[name] > LARGEST_STRUCTURE_ERROR and said.found > _CERTAIN:
+            findings.append(_misses(name, found.deviations[name]))
         elif said.expected < _CERTAIN:
             findings.append(
                 remark(
@@ -263,8 +264,8 @@ def _misses(name: str, size: float) -> Finding:
     return warn(
         "structure_error",
         name,
-        f"The model misses {name} by {100.0 * size:.{0 if size > MEANINGLESS_STRUCTURE_ERROR else 1}f} % over "
-        f"frequency. {meaning}",
+        f"The model misses {name} by {100.0 * size:.{0 if size > MEANINGLESS_STRUCTURE_ERROR else 1}f} %"
+        f"{' or more' if size > _NEAR_THE_END * LARGEST_MODEL_ERROR else ''} over frequency. {meaning}",
         model_error_percent=100.0 * size,
     )
 

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from rotorid.data.display import listed
+from rotorid.data.trust import MEANINGLESS_STRUCTURE_ERROR
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
 from rotorid.results.summary import Color, Cost, Fit, FitVerdict
 from rotorid.verification.scores import GOOD_FIT_PERCENT
@@ -150,10 +151,6 @@ def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | 
     return Verdict("", "not judged"), "", "The fit has neither a cost nor a percentage"
 
 
-_MEANINGLESS_PERCENT = 10.0
-"""Model error of a main response above which values follow the data only."""
-
-
 def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
     """Reasons to doubt a low cost, the most serious first: a word, and a clause to follow "but"."""
     by_kind: dict[str, list[FindingLike]] = {}
@@ -165,7 +162,9 @@ def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
         yield "not physical", f"no vehicle can have such values ({_named(by_kind['impossible_physics'])})"
     missed = by_kind.get("structure_error", [])
     sized = [finding for finding in missed if "model_error_percent" in finding.numbers]
-    if meaningless := [one for one in sized if one.numbers["model_error_percent"] > _MEANINGLESS_PERCENT]:
+    if meaningless := [
+        one for one in sized if one.numbers["model_error_percent"] > 100.0 * MEANINGLESS_STRUCTURE_ERROR
+    ]:
         most = max(finding.numbers["model_error_percent"] for finding in meaningless)
         of_several = " at most" if len(meaningless) > 1 else ""
         yield (

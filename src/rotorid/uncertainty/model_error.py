@@ -364,7 +364,7 @@ def as_normal(residual: FloatArray, errors: ResidualErrors, freedom: FloatArray)
     ratio = np.sum(_over(plain**2, errors.covariance.diagonal()).reshape(2, -1), axis=0)
     known = np.isinf(freedom) | (ratio == 0.0)
     nu, q = np.where(known, 1.0, freedom), np.where(known, 1.0, ratio)
-    return plain * np.tile(np.where(known, 1.0, np.sqrt(nu * np.log1p(q / nu) / q)), 2)
+    return np.asarray(plain * np.tile(np.where(known, 1.0, np.sqrt(nu * np.log1p(q / nu) / q)), 2))
 
 
 def _over(numerator: FloatArray, denominator: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -76,6 +77,17 @@ def test_lag_and_delay_that_are_not_told_apart_are_given_as_their_sum(percent: f
     assert "Trust their sum of 40" in remark.message
 
 
+def test_a_sum_that_is_no_surer_is_not_to_be_trusted() -> None:
+    """A lag that is known and a delay that is not: their sum is as unknown as the delay."""
+    limits = spread(FOUND, 9.0)
+    covariance = np.array(limits.covariance)
+    covariance[FOUND.free.index("tau_roll"), FOUND.free.index("tau_roll")] = 0.024**2
+    remarks = judge_parameters(FOUND, replace(limits, covariance=covariance, random=covariance))
+    (remark,) = (finding for finding in remarks if finding.kind == "not_identifiable")
+    assert "barely be separated" in remark.message
+    assert "Trust their sum" not in remark.message
+
+
 def test_lag_and_delay_that_trade_have_a_sum_that_is_known_better() -> None:
     limits = spread(FOUND, 9.0, correlation=-1.0)
     (remark,) = (finding for finding in judge_parameters(FOUND, limits) if finding.kind == "not_identifiable")
@@ -119,8 +131,8 @@ def a_fit(**changes: Any) -> Any:
         problem=SimpleNamespace(
             structure=rate_model("rate.roll"), data=data, used=np.ones(errors.shape, dtype=np.bool_)
         ),
-        solution=SimpleNamespace(outcome=made["outcome"]),
-        final=SimpleNamespace(outcome=made["final"]),
+        solution=SimpleNamespace(outcome=made["outcome"], settled=made["outcome"] is Outcome.CONVERGED),
+        final=SimpleNamespace(outcome=made["final"], settled=made["final"] is Outcome.CONVERGED),
         system=SimpleNamespace(poles=lambda: np.array(made["poles"])),
         parameters=FOUND,
         costs=np.array(made["costs"]),
