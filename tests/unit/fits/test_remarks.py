@@ -137,7 +137,9 @@ def a_fit(**changes: Any) -> Any:
         parameters=FOUND,
         costs=np.array(made["costs"]),
         average_cost=float(np.mean(made["costs"])),
-        bounds=SimpleNamespace(names=(), std=np.zeros(0), model_error=SimpleNamespace(sizes=made["missed"])),
+        bounds=SimpleNamespace(
+            names=(), std=np.zeros(0), model_error=SimpleNamespace(sizes=made["missed"], deviations=made["missed"])
+        ),
     )
 
 
