@@ -216,7 +216,8 @@ def judge_structure(
     """Where the structure does not hold, whatever its average cost is.
 
     The model error of the main response to an input, the one that is known best, is above 2.5 % and certain; or one
-    response costs many times what the others do. Where random errors would hide a model error of 10 %, that is said.
+    response costs many times what the others do. A model error above 10 % that is not certain, and random errors that
+    would hide one, are named as what they are.
 
     Parameters
     ----------
@@ -229,6 +230,17 @@ def judge_structure(
     for name, said in evidence.items():
         if found is not None and found.sizes[name] > LARGEST_STRUCTURE_ERROR and said.found > _CERTAIN:
             findings.append(_misses(name, found.deviations[name]))
+        elif found is not None and found.sizes[name] > MEANINGLESS_STRUCTURE_ERROR:
+            findings.append(
+                warn(
+                    "structure_error",
+                    name,
+                    f"The model may miss {name} by {100.0 * found.deviations[name]:.0f} % over frequency: its random "
+                    "errors are too large to tell. Fly longer, with more excitation, or in calmer air.",
+                    model_error_percent=100.0 * found.deviations[name],
+                    log_likelihood=said.found,
+                )
+            )
         elif said.expected < _CERTAIN:
             findings.append(
                 remark(

@@ -162,6 +162,8 @@ def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
         yield "not physical", f"no vehicle can have such values ({_named(by_kind['impossible_physics'])})"
     missed = by_kind.get("structure_error", [])
     sized = [finding for finding in missed if "model_error_percent" in finding.numbers]
+    uncertain = [finding for finding in sized if "log_likelihood" in finding.numbers]
+    sized = [finding for finding in sized if finding not in uncertain]
     if meaningless := [
         one for one in sized if one.numbers["model_error_percent"] > 100.0 * MEANINGLESS_STRUCTURE_ERROR
     ]:
@@ -175,6 +177,9 @@ def _doubts(findings: Iterable[FindingLike]) -> Iterator[tuple[str, str]]:
     if smaller := [one for one in sized if one not in meaningless]:
         most = max(finding.numbers["model_error_percent"] for finding in smaller)
         yield "partly valid", f"the model misses {_named(smaller)} by {most:.1f} %: it lacks dynamics"
+    if uncertain:
+        most = max(finding.numbers["model_error_percent"] for finding in uncertain)
+        yield "partly valid", f"the model may miss {_named(uncertain)} by {most:.0f} %, which the data cannot decide"
     if others := [finding for finding in missed if "model_error_percent" not in finding.numbers]:
         yield "partly valid", f"the model does not describe {_named(others)}"
 
@@ -221,7 +226,8 @@ def response_verdict(pair: str, cost: float, findings: Iterable[FindingLike]) ->
         missed = finding.kind == "structure_error" and finding.severity != "info"
         if missed and finding.where == pair and by_cost.level != "poor":
             percent = finding.numbers.get("model_error_percent")
-            return Verdict("fair", f"the model misses it{'' if percent is None else f' by {percent:.2g} %'}")
+            misses = "may miss" if "log_likelihood" in finding.numbers else "misses"
+            return Verdict("fair", f"the model {misses} it{'' if percent is None else f' by {percent:.2g} %'}")
     return by_cost
 
 

@@ -177,7 +177,9 @@ CERTAIN, BY_CHANCE, HIDDEN = Evidence(8.0, 40.0), Evidence(2.0, 40.0), Evidence(
         # The response that is known best is the one that tells.
         ({"missed": {"p/roll_command": 0.026, "ay/roll_command": 0.02}}, CERTAIN, ["p/roll_command"]),
         ({"missed": {"p/roll_command": 0.2, "ay/roll_command": 0.02}}, CERTAIN, ["p/roll_command"]),
-        ({"missed": {"p/roll_command": 0.2, "ay/roll_command": 0.02}}, BY_CHANCE, []),
+        ({"missed": {"p/roll_command": 0.09, "ay/roll_command": 0.02}}, BY_CHANCE, []),
+        # Above 10 % one that may be chance is no pass.
+        ({"missed": {"p/roll_command": 0.2, "ay/roll_command": 0.02}}, BY_CHANCE, ["p/roll_command"]),
         ({"missed": {"p/roll_command": 0.024, "ay/roll_command": 0.3}}, CERTAIN, []),
         ({"costs": [[5.0], [31.0]]}, CERTAIN, []),
         ({"costs": [[1.0], [0.5]]}, CERTAIN, []),
