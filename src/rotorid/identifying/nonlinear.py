@@ -36,7 +36,7 @@ from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, req
 from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.fitting.least_squares import LevenbergMarquardt
-from rotorid.fitting.time.disturbed import DISTURBED, PIECES_S, left_over, pushed
+from rotorid.fitting.time.disturbed import DISTURBED, PIECES_S, falls, left_over, pushed
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
@@ -295,10 +295,10 @@ class Nonlinear:
         if not found:
             return fit, posing
         least = left_over(found[0][0])
-        ratio = left_over(fit) / least
+        ratio = falls(left_over(fit), least)
         if not ratio.max() >= DISTURBED:
             return fit, posing
-        chosen, other = next(pair for pair in reversed(found) if (left_over(pair[0]) < DISTURBED * least).all())
+        chosen, other = next(pair for pair in reversed(found) if (falls(left_over(pair[0]), least) < DISTURBED).all())
         row = int(np.argmax(ratio))
         whole, piece = np.sqrt(left_over(fit)[row]), np.sqrt(left_over(chosen)[row])
         return chosen, other._replace(disturbance=_disturbance(posing.structure, row, whole, piece, other.pieces_s))

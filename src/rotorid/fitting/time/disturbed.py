@@ -59,6 +59,17 @@ def pushed(structure: NonlinearStructure, free: Sequence[str]) -> NonlinearStruc
     )
 
 
+def falls(whole: FloatArray, least: FloatArray) -> FloatArray:
+    """Variances of some outputs over those in the shortest pieces, shape ``(y,)``; one where both are zero.
+
+    Examples
+    --------
+    >>> falls(np.array([4.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])).tolist()
+    [4.0, inf, 1.0]
+    """
+    return np.asarray(np.divide(whole, least, out=np.where(whole > 0.0, np.inf, 1.0), where=least > 0.0))
+
+
 def left_over(fit: NonlinearFit) -> FloatArray:
     """Variances of what a fit misses of each output, unknowns counted, shape ``(y,)``."""
     problem = fit.problem

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorid.fitting.time.disturbed import DISTURBED, left_over, pushed
+from rotorid.fitting.time.disturbed import DISTURBED, falls, left_over, pushed
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.models.expression import Expression
@@ -75,6 +75,13 @@ def test_still_air_leaves_as_much_in_pieces() -> None:
     data = flown(0.0, 0.0, 2)
     whole, pieces = fitted(data, constants=False), fitted(data, constants=True, pieces_s=3.0)
     assert left_over(whole) == pytest.approx(left_over(pieces), rel=0.2)
+
+
+def test_an_output_that_is_exact_hides_no_other() -> None:
+    nothing, moved = np.zeros(2), np.array([0.0, 4.0])
+    assert falls(nothing, nothing).tolist() == [1.0, 1.0]
+    assert falls(moved, np.array([0.0, 1.0])).tolist() == [1.0, 4.0]
+    assert falls(moved, nothing).tolist() == [1.0, np.inf]
 
 
 def test_only_equations_with_a_free_parameter_are_pushed() -> None:
