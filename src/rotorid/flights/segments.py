@@ -10,7 +10,6 @@ command.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -29,7 +28,7 @@ from rotorid.models.families import family_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.results.model import Segment
 from rotorid.settings.identifying import IdentifySettings
-from rotorid.signal.airborne import Airborne, airborne_by_thrust
+from rotorid.signal.airborne import airborne_by_thrust, flight_around
 from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import ingredients, reconstruct
@@ -356,7 +355,7 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
         barriers = [m for m in _all_excitations(record) if not any(overlap(m, mine.maneuver) for mine in own)]
         in_air = airborne_by_thrust(record)
         for flight in own:
-            around = _flight_around(in_air, flight.maneuver)
+            around = flight_around(in_air, flight.maneuver)
             maneuver = _widened(record, flight.maneuver, margin_s, barriers, channels, around)
             last = wider[-1] if wider else None
             if last is not None and last.record is record and maneuver.start_s < last.maneuver.stop_s:
@@ -369,14 +368,6 @@ def with_surroundings(flights: Sequence[Flight], margin_s: float, channels: Sequ
 
 def _all_excitations(record: FlightRecord) -> list[Maneuver]:
     return [maneuver for axis in AXES for maneuver in find_excitations(record, axis)]  # type: ignore[arg-type]
-
-
-def _flight_around(in_air: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
-    """Start and stop of the flight in which a maneuver was flown, judged by thrust."""
-    for start_s, stop_s in in_air.intervals if in_air else ():
-        if start_s <= 0.5 * (maneuver.start_s + maneuver.stop_s) <= stop_s:
-            return start_s, stop_s
-    return -math.inf, math.inf
 
 
 def _widened(

@@ -29,6 +29,7 @@ from rotorid.flights.coverage import HOVER_M_S
 from rotorid.flights.flights import Flight, SteadyDrag
 from rotorid.models.steady_wind import HEAVE_SHARE, in_steady_wind, leans
 from rotorid.models.structure import LinearStructure
+from rotorid.signal.airborne import airborne_by_thrust, flight_around
 from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES, to_body
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -241,10 +242,15 @@ def _in_body(flight: Flight) -> FloatArray:
 
 
 def _attitude(flight: Flight) -> FloatArray | None:
-    """Roll, pitch and heading around a maneuver, shape ``(3, n)``; a heading that is not logged is zero."""
+    """Roll, pitch and heading around a maneuver in the air, shape ``(3, n)``; a heading that is not logged is zero."""
     rest_s = max(0.5 * (_LEAST_S - flight.maneuver.duration_s), 0.0)
-    around = replace(flight.maneuver, start_s=flight.maneuver.start_s - rest_s, stop_s=flight.maneuver.stop_s + rest_s)
-    flight = replace(flight, maneuver=around)
+    start_s, stop_s = flight.maneuver.start_s, flight.maneuver.stop_s
+    if rest_s > 0.0:
+        # On the ground a vehicle leans as the ground does.
+        taken_off_s, landed_s = flight_around(airborne_by_thrust(flight.record), flight.maneuver)
+        start_s = min(start_s, max(start_s - rest_s, taken_off_s))
+        stop_s = max(stop_s, min(stop_s + rest_s, landed_s))
+    flight = replace(flight, maneuver=replace(flight.maneuver, start_s=start_s, stop_s=stop_s))
     parts = {name: next(flight.samples(name), None) for name in ATTITUDE}
     phi, theta, psi = (parts[name] for name in ("phi", "theta", "psi"))
     if phi is None or theta is None or min(phi.time_s.size, theta.time_s.size) < 2:

@@ -8,13 +8,14 @@ others: a vehicle that was not armed, or whose motors never ran, did not fly.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import FlightRecord, Intervals, silences
+from rotorid.data.record import FlightRecord, Intervals, Maneuver, silences
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.control import Control, before_loss, control
 from rotorid.signal.dead_sensors import dead_sensor_findings
@@ -333,6 +334,14 @@ def airborne_by_thrust(record: FlightRecord) -> Airborne | None:
         flagged = status.in_air is not None or status.armed is not None
         return Airborne(intervals=(), seen_in=status.flagged_in, findings=(), by_flags=True) if flagged else None
     return found if found.by_thrust else None
+
+
+def flight_around(in_air: Airborne | None, maneuver: Maneuver) -> tuple[float, float]:
+    """Start and stop of the flight in which a maneuver was flown; without bounds where none is known."""
+    for start_s, stop_s in in_air.intervals if in_air else ():
+        if start_s <= 0.5 * (maneuver.start_s + maneuver.stop_s) <= stop_s:
+            return start_s, stop_s
+    return -math.inf, math.inf
 
 
 def control_of(record: FlightRecord) -> Control | None:

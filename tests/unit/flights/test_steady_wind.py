@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import cut
 from rotorid.flights.steady_wind import body_drag, fixed_to_earth, in_wind_of, with_steady_drag
 from rotorid.models.library import library_model
+from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2 as G
 
@@ -42,6 +44,18 @@ def test_the_drag_is_that_of_the_lean_fixed_to_the_earth() -> None:
     assert flight.steady_drag is not None
     assert (flight.steady_drag.north, flight.steady_drag.east) == pytest.approx((0.0, DRAG), abs=1e-9)
     assert body_drag([flight]) == pytest.approx((G * math.sin(LEAN), 0.0), abs=1e-9)
+
+
+def test_a_short_maneuver_leans_as_it_does_in_the_air() -> None:
+    """A doublet just after take-off, from ground that slopes the other way."""
+    flying = (TIME_S >= 3.0) & (TIME_S < 9.0)
+    channels = {"thrust_command": np.where(flying, 0.5, 0.0), "theta": np.where(flying, LEAN, -LEAN)}
+    (flight,) = leaning(psi=0.0, **channels)
+    short = replace(flight, maneuver=replace(flight.maneuver, start_s=4.0, stop_s=6.0))
+    assert airborne_by_thrust(short.record) is not None
+    (found,) = with_steady_drag([short])
+    assert found.steady_drag is not None
+    assert found.steady_drag.north == pytest.approx(DRAG, rel=0.05)
 
 
 def test_what_turns_with_the_vehicle_leaves_the_accelerometers() -> None:
