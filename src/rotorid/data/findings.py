@@ -611,6 +611,11 @@ KINDS: Mapping[str, Kind] = {
     ),
     "reconstructed": Kind("info", "Channel computed", "A channel that is not logged was computed from other channels."),
     "record_too_short": Kind("warning", "Record too short", "The record is too short for the requested analysis."),
+    "rehearsal_failed": Kind(
+        "info",
+        "Rehearsal failed",
+        "Simulated flights of the plan were lost or do not support a model; its predicted errors are by the others.",
+    ),
     "room_not_checked": Kind(
         "info", "Motor limits not checked", "Gains were proposed without a check of the motor limits."
     ),

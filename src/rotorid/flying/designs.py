@@ -25,7 +25,7 @@ from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, Shape, inp
 from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, ModelError, UsageError, reason_of
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
-from rotorid.flying.rehearsals import Rehearsal, rehearsed
+from rotorid.flying.rehearsals import Rehearsal, failed_rehearsals, rehearsed
 from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
 from rotorid.flying.simulation import truth_of
 from rotorid.identifying.scope import INERTIAL
@@ -472,6 +472,8 @@ class Designed(Immutable):
         By model, where an accuracy was asked for.
     wanted
         By model, what was asked for: parameter to percent.
+    findings
+        On rehearsals that failed.
     """
 
     kind: Shape
@@ -479,6 +481,10 @@ class Designed(Immutable):
     told: tuple[PlanPrediction, ...]
     shortest: Mapping[str, Shortest]
     wanted: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(findings=tuple(self.findings))
 
     @property
     def percent(self) -> dict[str, float]:
@@ -665,6 +671,7 @@ def _designed(
         told=tuple(predictions),
         shortest=_shortest(choices, craft, loop, models, kind, planned, rehearsals),
         wanted={model.name: _wanted(choices, model) for model in models},
+        findings=tuple(failed_rehearsals(kind, len(logs), rehearsals)),
     )
 
 

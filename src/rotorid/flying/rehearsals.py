@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from rotorid.data.base import Immutable
-from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.flight_plan import FlightPlan, Shape
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flying.settings import DesignSettings, SimulateSettings
@@ -71,15 +72,18 @@ class Rehearsal(Immutable):
         Of that model: standard deviations of model error in an earlier result.
     refused
         Why an identification of a rehearsal answers nothing, where that is so of all.
+    refusals
+        Reasons of all rehearsals of which an identification answers nothing.
     """
 
     errors: KnownErrors = field(default_factory=KnownErrors)
     bounds: tuple[Bounds, ...] = ()
     least_std: Mapping[str, float] = field(default_factory=dict)
     refused: InsufficientDataError | None = None
+    refusals: tuple[InsufficientDataError, ...] = ()
 
     def __post_init__(self) -> None:
-        self._set(bounds=tuple(self.bounds), least_std=self.least_std)
+        self._set(bounds=tuple(self.bounds), least_std=self.least_std, refusals=tuple(self.refusals))
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -96,21 +100,59 @@ class Rehearsal(Immutable):
             Of :func:`rehearsed`.
         """
         prepared: list[Any] = []
-        refused = None
+        refusals = []
         for record in records:
             method = method_of(model, [record], _identify_settings(choices))
             try:
                 data = method.prepare([record])
                 prepared.append(method.fit(data).bounds if answers_setpoints(model) else data.screened.problem)
             except InsufficientDataError as error:
-                refused = error
-        if refused is not None and not prepared:
-            return cls(refused=refused)
+                refusals.append(error)
+        if refusals and not prepared:
+            return cls(refused=refusals[-1], refusals=tuple(refusals))
         if answers_setpoints(model):
             earlier = choices.earlier
             same = earlier is not None and earlier.structure.name == model.name
-            return cls(bounds=tuple(prepared), least_std=earlier.std_model if earlier is not None and same else {})
-        return cls(errors=KnownErrors(rehearsals=tuple(prepared), sizes=_earlier_sizes(choices, model)))
+            least = earlier.std_model if earlier is not None and same else {}
+            return cls(bounds=tuple(prepared), least_std=least, refusals=tuple(refusals))
+        errors = KnownErrors(rehearsals=tuple(prepared), sizes=_earlier_sizes(choices, model))
+        return cls(errors=errors, refusals=tuple(refusals))
+
+
+def failed_rehearsals(kind: Shape, flown: int, rehearsals: Mapping[str, Rehearsal]) -> list[Finding]:
+    """Findings on rehearsals of a plan that say nothing of its model error.
+
+    Parameters
+    ----------
+    kind
+        Shape of the plan.
+    flown
+        How many flights were not lost.
+    rehearsals
+        By model; where an identification refuses all of them, its prediction says why.
+    """
+    found = []
+    if flown == 0:
+        message = (
+            f"All {_FLIGHTS} rehearsals in the simulator were lost. Predicted model errors are those of clocks and the "
+            "least one alone; the flight may state larger ones. Lower the amplitude, or plan for less wind."
+        )
+        found.append(warn("rehearsal_failed", kind, message, failed=_FLIGHTS, flights=_FLIGHTS))
+    elif flown < _FLIGHTS:
+        message = (
+            f"{_FLIGHTS - flown} of {_FLIGHTS} rehearsals in the simulator lost the vehicle; the others gave the model "
+            "errors. Lower the amplitude, or plan for less wind."
+        )
+        found.append(warn("rehearsal_failed", kind, message, failed=_FLIGHTS - flown, flights=_FLIGHTS))
+    for model, rehearsal in rehearsals.items():
+        refused = len(rehearsal.refusals)
+        if refused and rehearsal.refused is None:
+            message = (
+                f"{refused} of {flown} rehearsals of the {kind.replace('_', ' ')} do not support {model}, so the "
+                f"flight may not either: {rehearsal.refusals[-1]} Fly the plan twice, or longer."
+            )
+            found.append(remark("rehearsal_failed", model, message, failed=refused, flights=flown))
+    return found
 
 
 def _earlier_sizes(choices: DesignSettings, model: LinearStructure) -> dict[str, float]:

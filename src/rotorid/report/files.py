@@ -331,7 +331,11 @@ def _files(
         **plan_csv(plan),
         **flight_card(plan, facts),
     }
-    findings = [*beyond_limits(design, choices.plan.limits), *not_followed(design, choices.aircraft)]
+    findings = [
+        *design.findings,
+        *beyond_limits(design, choices.plan.limits),
+        *not_followed(design, choices.aircraft),
+    ]
     if choices.firmware:
         findings += named(autopilot).plan_findings(plan, choices.firmware) or ()
     try:

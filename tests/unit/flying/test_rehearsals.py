@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.flying import rehearsals
-from rotorid.flying.rehearsals import Rehearsal, rehearsed
+from rotorid.flying.rehearsals import Rehearsal, failed_rehearsals, rehearsed
 from rotorid.flying.settings import DesignSettings, PlanSettings
 from rotorid.models.library import rate_model
 from rotorid.planning.prior import Prior
@@ -61,6 +61,39 @@ def test_a_plan_that_no_identification_supports_is_refused_with_its_reason(monke
     assert str(Rehearsal.of(CHOICES, ROLL, [record, record]).refused) == "too short."
     # Without any flight nothing is refused: the linear loop answers.
     assert Rehearsal.of(CHOICES, ROLL, ()).refused is None
+
+
+def test_rehearsals_that_fail_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(*_: object) -> Any:
+        raise ModelError("upside down")
+
+    monkeypatch.setattr(rehearsals, "fly_run", lost)
+    logs = rehearsed(CHOICES, sweep())
+    assert logs == ()
+    (all_lost,) = failed_rehearsals("pilot_sweep", len(logs), {"rate.roll": Rehearsal.of(CHOICES, ROLL, logs)})
+    assert (all_lost.kind, all_lost.severity, all_lost.numbers["failed"]) == ("rehearsal_failed", "warning", 3.0)
+    (one_lost,) = failed_rehearsals("pilot_sweep", 2, {})
+    assert one_lost.numbers == {"failed": 1.0, "flights": 3.0}
+    assert failed_rehearsals("pilot_sweep", 3, {"rate.roll": Rehearsal()}) == []
+
+
+def test_two_of_three_refused_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = iter([InsufficientDataError("too short"), None, InsufficientDataError("too calm")])
+
+    def prepare(*_: object) -> Any:
+        if (error := next(answers)) is not None:
+            raise error
+        return SimpleNamespace(screened=SimpleNamespace(problem=None))
+
+    monkeypatch.setattr(rehearsals, "method_of", lambda *_: SimpleNamespace(prepare=prepare))
+    record: Any = None
+    found = Rehearsal.of(CHOICES, ROLL, [record] * 3)
+    assert found.refused is None
+    (remark,) = failed_rehearsals("pilot_sweep", 3, {"rate.roll": found})
+    assert (remark.kind, remark.severity, remark.where) == ("rehearsal_failed", "info", "rate.roll")
+    assert "2 of 3" in remark.message
+    assert "too calm" in remark.message
+    assert failed_rehearsals("pilot_sweep", 3, {"rate.roll": Rehearsal(refused=InsufficientDataError("no"))}) == []
 
 
 def test_an_earlier_result_gives_the_least_model_error() -> None:
