@@ -18,6 +18,7 @@ from rotorid.models.rotors import library_layout
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import parameter_estimates
 from rotorid.uncertainty.cramer_rao import Bounds, bounds
+from rotorid.uncertainty.propagation import covariance_of_all
 from rotorid.uncertainty.ties import TieTest, tie_tests, with_dropped_delays, with_ties
 
 OMEGA = np.geomspace(0.5, 40.0, 24)
@@ -131,6 +132,24 @@ def test_what_is_made_of_derivatives_is_no_error_of_theirs() -> None:
         assert listed[name].std is not None
         assert listed[name].std <= most * abs(listed[name].value)  # type: ignore[operator]
     assert listed["c_H"].std > 0.2 * abs(listed["c_H"].value)  # type: ignore[operator]
+
+
+def test_a_contradicted_tie_widens_no_other_derivative() -> None:
+    found = hover(body=True, seed=1)
+    assert "Z_w" in found.contradicted
+    listed = parameter_estimates(found.parameters, found.limits)
+    truth = found.parameters.with_values(TRUTH).values
+    widened = np.sqrt(np.diag(covariance_of_all(found.parameters, found.limits)))
+    for name, row in ((name, found.parameters.names.index(name)) for name in ("L_p", "M_q")):
+        std = listed[name].std
+        assert std is not None
+        assert std < 0.5 * widened[row]
+        assert abs(listed[name].value - truth[name]) <= 1.96 * std
+    lower, upper = listed["Z_w"].lower, listed["Z_w"].upper
+    assert lower is not None
+    assert upper is not None
+    assert lower <= truth["Z_w"] + BODY["Z_w"] <= upper
+    assert listed["dc_T_dJ"].std == pytest.approx(found.limits.stds["dc_T_dJ"], rel=1e-9)
 
 
 def test_a_known_yaw_inertia_shows_whose_drag_it_is() -> None:

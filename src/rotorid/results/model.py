@@ -552,6 +552,7 @@ def bounds_of(bounds: Bounds, names: Sequence[str]) -> Bounds:
         covariance=bounds.covariance[np.ix_(rows, rows)],
         random=bounds.random[np.ix_(rows, rows)],
         assumed=None if bounds.assumed is None else bounds.assumed[rows],
+        implied={tie: moved[rows] for tie, moved in bounds.implied.items()},
     )
 
 
@@ -559,10 +560,13 @@ def parameter_estimates(parameters: ParameterSet, bounds: Bounds) -> dict[str, P
     """Every parameter with its uncertainty."""
     rows = {name: index for index, name in enumerate(bounds.names)}
     total = np.sqrt(np.diag(covariance_of_all(parameters, bounds)))
-    if bounds.assumed is not None:
+    if bounds.assumed is not None or bounds.implied:
         # Derivatives were measured: what is assumed to read physical parameters from them is no error of theirs.
-        measured = np.sqrt(np.diag(covariance_of_all(parameters, bounds.of_response)))
-        total = np.where([parameter.tied is not None for parameter in parameters], measured, total)
+        made_of = [bounds.implied.keys() & _made_of(parameters, parameter.name) for parameter in parameters]
+        for ties in map(set, dict.fromkeys(map(frozenset, made_of))):
+            measured = np.sqrt(np.diag(covariance_of_all(parameters, bounds.of_measured(ties))))
+            here = [one.tied is not None and of == ties for one, of in zip(parameters, made_of, strict=True)]
+            total = np.where(here, measured, total)
     random = np.sqrt(np.diag(covariance_of_all(parameters, replace(bounds, covariance=bounds.random))))
     values = parameters.values
     return {
@@ -571,6 +575,12 @@ def parameter_estimates(parameters: ParameterSet, bounds: Bounds) -> dict[str, P
         )
         for parameter, std, part in zip(parameters, total, random, strict=True)
     }
+
+
+def _made_of(parameters: ParameterSet, name: str) -> set[str]:
+    """A parameter, and all that its ties are made of."""
+    tied = parameters[name].tied
+    return {name}.union(*(_made_of(parameters, one) for one in tied.names if one in parameters.names) if tied else ())
 
 
 def _estimate(

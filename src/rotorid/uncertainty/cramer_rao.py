@@ -22,8 +22,8 @@ place of half the curvature, and the covariance is corrected for the color that 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -69,6 +69,9 @@ class Bounds(Immutable):
     assumed
         Columns whose outer products are in the covariance too, shape ``(p, k)``: what assumptions may be wrong by that
         make physical parameters out of the response, and leave the response as it is.
+    implied
+        Ties that the data contradict, each to one more such column, shape ``(p,)``: how far parameters have to move
+        that give the tied one its measured value. Other tied ones were measured, and do not move with them.
     """
 
     names: tuple[str, ...]
@@ -80,6 +83,7 @@ class Bounds(Immutable):
     ar_order: int = 0
     model_error: ModelError | None = None
     assumed: FloatArray | None = None
+    implied: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._set(
@@ -88,6 +92,7 @@ class Bounds(Immutable):
             insensitivity=read_only(self.insensitivity, np.float64, ndim=1),
             covariance=read_only(self.covariance, np.float64, ndim=2),
             assumed=None if self.assumed is None else read_only(self.assumed, np.float64, ndim=2),
+            implied={tie: read_only(moved, np.float64, ndim=1) for tie, moved in self.implied.items()},
         )
 
     @property
@@ -96,6 +101,16 @@ class Bounds(Immutable):
         if self.assumed is None:
             return self
         return replace(self, covariance=self.covariance - self.assumed @ self.assumed.T, assumed=None)
+
+    def of_measured(self, ties: Collection[str]) -> Bounds:
+        """The same for a parameter that was measured, made of some ties: without what other ties imply."""
+        found = self.of_response
+        others = [moved for tie, moved in self.implied.items() if tie not in ties]
+        if not others:
+            return found
+        kept = {tie: moved for tie, moved in self.implied.items() if tie in ties}
+        moved = np.stack(others, axis=1)
+        return replace(found, covariance=found.covariance - moved @ moved.T, implied=kept)
 
     @property
     def std(self) -> FloatArray:

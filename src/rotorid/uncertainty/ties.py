@@ -144,10 +144,10 @@ def with_dropped_delays(limits: Bounds, problem: FrequencyProblem, solution: Sol
 def with_ties(limits: Bounds, tests: Sequence[TieTest]) -> Bounds:
     """Bounds that contain what the data say against ties: values without the tie, and those that the tie then asks."""
     covariance = limits.covariance.copy()
-    for test in tests:
-        if test.contradicted:
-            covariance += np.outer(test.released, test.released) + np.outer(test.implied, test.implied)
-    return replace(limits, covariance=covariance)
+    found = [test for test in tests if test.contradicted]
+    for test in found:
+        covariance += np.outer(test.released, test.released) + np.outer(test.implied, test.implied)
+    return replace(limits, covariance=covariance, implied={test.name: test.implied for test in found})
 
 
 def _tied(parameters: ParameterSet) -> Iterator[str]:
