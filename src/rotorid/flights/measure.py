@@ -40,7 +40,7 @@ from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
-from rotorid.signal.stamps import clock_error_s
+from rotorid.signal.stamps import clock_error_s, largest_clock_s
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, Known, diagnosed_response
@@ -329,12 +329,10 @@ def _prepare(group: _Group, settings: MeasureSettings, also: Sequence[str]) -> _
 
 def _clock_error_s(flights: Sequence[Flight], channels: Sequence[str]) -> float | None:
     """What stamps show of the clocks of all flights; ``None`` where one of them shows nothing."""
-    found = [
+    return largest_clock_s(
         clock_error_s(flight.record, channels, [(flight.maneuver.start_s, flight.maneuver.stop_s)])
         for flight in flights
-    ]
-    known = [error for error in found if error is not None]
-    return max(known) if len(known) == len(found) else None
+    )
 
 
 def _common_band(prepared: Sequence[_Prepared]) -> tuple[float, float]:
@@ -454,7 +452,7 @@ def _joined(
     return Measured(
         response=replace(
             response,
-            clock_error_s=_largest_clock_error(parts),
+            clock_error_s=largest_clock_s(part.response.clock_error_s for part in parts),
             sensor_errors=_largest_errors(parts, response.outputs),
             slope_changes=_largest(parts, response, lambda response: response.slope_changes),
             lean_errors=_largest(parts, response, lambda response: response.lean_errors),
@@ -474,11 +472,6 @@ def _joined(
             *_several_instruments(groups, inputs),
         ),
     )
-
-
-def _largest_clock_error(parts: Sequence[Measured]) -> float | None:
-    known = [part.response.clock_error_s for part in parts if part.response.clock_error_s is not None]
-    return max(known) if len(known) == len(parts) else None
 
 
 def _largest_errors(parts: Sequence[Measured], outputs: Sequence[str]) -> FloatArray | None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ from rotorid.signal.clock import Conditioned, missing_channel, resample, source_
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import ingredients, reconstruct
 from rotorid.signal.skew import shift
+from rotorid.signal.stamps import clock_samples
 from rotorid.simulation.linear import Hold
 from rotorid.typing import FloatArray
 
@@ -427,12 +429,15 @@ class TimeRecords(NamedTuple):
         The same as inputs and outputs of the structure.
     hold
         What the inputs do between their samples.
+    clocks
+        Channel to the standard deviation of its clock, in samples (:func:`rotorid.signal.stamps.clock_samples`).
     """
 
     segments: tuple[Segment, ...]
     data: tuple[TimeData, ...]
     hold: Hold
     findings: tuple[Finding, ...]
+    clocks: Mapping[str, float] = MappingProxyType({})
 
 
 def time_records(
@@ -476,7 +481,7 @@ def time_records(
     findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels))
     holds = [sampled for part in parts for sampled in part.sampled_commands(structure.inputs)]
     hold = _hold(holds, segments) if settings.hold == "auto" else settings.hold
-    return TimeRecords(segments, data, hold, findings)
+    return TimeRecords(segments, data, hold, findings, _clocks(flights, channels, data))
 
 
 def absolute_records(
@@ -527,7 +532,12 @@ def absolute_records(
     findings = (*(f for part in parts for f in part.findings), *other_sources(segments, segments, channels), *lacking)
     sent = [sampled for part in parts for sampled in part.sampled_commands(logged)]
     hold = _hold(sent, segments) if settings.hold == "auto" else settings.hold
-    return TimeRecords(segments, data, hold, findings)
+    return TimeRecords(segments, data, hold, findings, _clocks(flights, channels, data))
+
+
+def _clocks(flights: Sequence[Flight], channels: Sequence[str], data: Sequence[TimeData]) -> Mapping[str, float]:
+    logs = [(flight.record, (flight.maneuver.start_s, flight.maneuver.stop_s)) for flight in flights]
+    return clock_samples(logs, channels, sample_rate_hz=max(record.sample_rate_hz for record in data))
 
 
 class _Cut(NamedTuple):

@@ -31,7 +31,7 @@ from rotorid.settings.measuring import MeasureSettings
 from rotorid.settings.option import as_settings
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals
-from rotorid.signal.stamps import CLOCK_SAMPLES, clock_error_s
+from rotorid.signal.stamps import CLOCK_SAMPLES, clock_error_s, largest_clock_s
 from rotorid.typing import BoolArray
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -298,9 +298,8 @@ def _pair(
         orders=orders,
         highest_rad_s=settings.band_rad_s[1] if settings.band_rad_s else np.inf,
     )
-    shown = [clock_error_s(flight.record, (input, output), [_interval(flight)]) for flight in flown]
-    usual = CLOCK_SAMPLES * analysis.sample_s
-    analysis = analysis.with_clocks(math.sqrt(2.0) * max(usual if late_s is None else late_s for late_s in shown))
+    late_s = largest_clock_s(clock_error_s(flight.record, (input, output), [_interval(flight)]) for flight in flown)
+    analysis = analysis.with_clocks(math.sqrt(2.0) * (CLOCK_SAMPLES * analysis.sample_s if late_s is None else late_s))
     by_joint = joint and analysis.recommended.method == "response"
     biased = [_biased(input, output, joint=joint, cause=cause)] if feedback and not by_joint else []
     return PairDelay(

@@ -15,7 +15,7 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +41,7 @@ from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_n
 from rotorid.fitting.time.output_error import TimeData, log_likelihood
 from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
-from rotorid.flights.segments import TimeRecords, holds, source_of, with_ingredients
+from rotorid.flights.segments import TimeRecords, source_of
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
@@ -52,9 +52,8 @@ from rotorid.results.summary import Checks, Fit, FitEnd
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.verifying import VerifySettings
-from rotorid.signal.stamps import CLOCK_SAMPLES, clock_error_s, slowest_step_s
 from rotorid.simulation.nonlinear import Scheme
-from rotorid.uncertainty.clocks import clock_shifts
+from rotorid.uncertainty.clocks import channel_errors
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.identifiability import unseen_combinations
 from rotorid.uncertainty.propagation import pole_confidence
@@ -259,15 +258,15 @@ class Nonlinear:
         return fit_nonlinear(problem, solver=self.solver).estimate.parameters
 
     def _bounds(self, data: NonlinearData, fit: NonlinearFit, alone: Sequence[LogEstimate]) -> Bounds:
-        """Random errors by the color of the residuals; what equations leave out, records that differ, and clocks."""
+        """Random errors by the color of the residuals; what equations leave out, records that differ, and channels."""
         theta, names = fit.solution.theta, fit.problem.parameters.free
         parts = fit.problem.parts(theta)
         bounds = bounds_of_parts(parts, names)
         if not self.flies:
             return bounds
-        shifts = clock_shifts(fit.problem, theta, late=partial(_late, data))
-        clocks = [dict(zip(names, row, strict=True)) for row in shifts.tolist()]
-        return with_time_error(bounds, parts, alone=alone, added=clocks)
+        return with_time_error(
+            bounds, parts, alone=alone, added=channel_errors(fit.problem, theta, data.records.clocks)
+        )
 
     def _beside_wind(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[NonlinearFit, Posing]:
         """The fit in pieces with constants in the equations, where that explains what inputs do not.
@@ -503,24 +502,6 @@ def _fixed_at_rest(
     return parameters, tuple(
         remark("no_excitation", name, f"{words}, so {name} was fixed at {parameters[name].value:g}.") for name in fixed
     )
-
-
-def _late(data: NonlinearData, channel: str) -> float:
-    """Standard deviation of the clock of a channel, in samples of the records; of several logs the largest.
-
-    A value belongs somewhere in a sample of its own message, which may be many times as fast as the slowest one, whose
-    clock the records have.
-    """
-    rate_hz = max(record.sample_rate_hz for record in data.records.data)
-    found = []
-    for flight in data.flights:
-        record, interval = flight.record, (flight.maneuver.start_s, flight.maneuver.stop_s)
-        names = [n for n in (*data.structure.inputs, *data.structure.outputs) if holds(record, n)]
-        shown_s = clock_error_s(record, names, [interval])
-        own_s = slowest_step_s(record, with_ingredients(record, [channel]), interval)
-        usual = CLOCK_SAMPLES * min(own_s * rate_hz, 1.0)
-        found.append(usual if shown_s is None else min(shown_s * rate_hz, usual))
-    return max(found)
 
 
 def _disturbance(

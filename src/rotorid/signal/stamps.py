@@ -21,6 +21,7 @@ from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.clock import source_topic
+from rotorid.signal.kinematics import ingredients
 from rotorid.typing import FloatArray
 
 CLOCK_SAMPLES = 0.15
@@ -104,9 +105,60 @@ def clock_error_s(
     >>> clock_error_s(table, ("roll_command", "p"), [(0.0, 1.0)]) is None
     True
     """
-    found = [_error_s(record, channels, start_s, stop_s) for start_s, stop_s in intervals]
+    return largest_clock_s(_error_s(record, channels, start_s, stop_s) for start_s, stop_s in intervals)
+
+
+def largest_clock_s(shown: Iterable[float | None]) -> float | None:
+    """The largest of what several flights show of their clocks; ``None`` where one of them, or none, shows it.
+
+    Examples
+    --------
+    >>> largest_clock_s([75e-6, 80e-6]), largest_clock_s([75e-6, None]), largest_clock_s([])
+    (8e-05, None, None)
+    """
+    found = list(shown)
     known = [error for error in found if error is not None]
     return max(known) if known and len(known) == len(found) else None
+
+
+def clock_samples(
+    logs: Iterable[tuple[FlightRecord, tuple[float, float]]], channels: Sequence[str], *, sample_rate_hz: float
+) -> dict[str, float]:
+    """Standard deviation of the clock of each channel, in samples of the records that are cut from some logs.
+
+    A value belongs somewhere in a sample of its own message, which may be many times as fast as the slowest one, whose
+    clock the records have. Of several logs the largest counts.
+
+    Parameters
+    ----------
+    logs
+        Each with the start and stop of its maneuver.
+    channels
+        Inputs and outputs together; those that are no log's own count by what they are computed from.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, Source, Topic
+    >>> def topic(name, unit, step_s):
+    ...     channels = (Channel(name=name, unit=unit),)
+    ...     return Topic(name=name, time_s=step_s * np.arange(100), channels=channels, values=np.zeros((1, 100)))
+    >>> topics = (topic("phi", "rad", 0.004), topic("velocity_north", "m/s", 0.04))
+    >>> log = FlightRecord(source=Source(name="a.ulg", format="PX4 ULog", sha256=""), topics=topics)
+    >>> found = clock_samples([(log, (0.0, 0.3))], ("phi", "velocity_north"), sample_rate_hz=25.0)
+    >>> {name: round(samples, 3) for name, samples in found.items()}
+    {'phi': 0.015, 'velocity_north': 0.15}
+    """
+    found = dict.fromkeys(channels, 0.0)
+    for record, interval in logs:
+        logged = record.channel_names
+        parts = {name: (name,) if name in logged else ingredients(name, logged) for name in channels}
+        present = [name for name, made_of in parts.items() if made_of and set(made_of) <= set(logged)]
+        shown_s = clock_error_s(record, present, [interval])
+        for name in present:
+            usual = CLOCK_SAMPLES * min(slowest_step_s(record, parts[name], interval) * sample_rate_hz, 1.0)
+            own = usual if shown_s is None else min(shown_s * sample_rate_hz, usual)
+            found[name] = max(found[name], own)
+    return found
 
 
 def slowest_step_s(record: FlightRecord, channels: Iterable[str], interval: tuple[float, float]) -> float:

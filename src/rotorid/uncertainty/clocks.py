@@ -1,9 +1,10 @@
-r"""Clocks in time: what a fit would have found, were some of its channels logged a little earlier or later.
+r"""Clocks and scales in time: what a fit would have found, were some of its channels late, or a little larger.
 
 No log says where within a sample a value belongs, and no residual shows it: a channel that is late by :math:`\tau`
 moves parameters, and leaves nothing. So all channels of one unit, inputs and outputs each, are moved against the others
 by one standard deviation either way, and the records fitted again. Half the difference of the two is an error of the
-parameters; those of all groups add in squares.
+parameters; those of all groups add in squares. So do those of the scales of every input and every output, known to
+0.25 % (:data:`rotorid.fitting.frequency.error_shapes.SCALE_ERROR`), which leave nothing either.
 
 A refit is one step of Gauss and Newton from the old solution, with the slopes beside all unknowns of a record:
 
@@ -14,13 +15,14 @@ Slopes that leave the initial states where they were would give a third of that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS
+from rotorid.fitting.frequency.error_shapes import SCALE_ERROR
 from rotorid.fitting.problem import Part
 from rotorid.fitting.time.output_error import RecordsProblem, TimeData
 from rotorid.signal.stamps import CLOCK_SAMPLES
@@ -102,6 +104,81 @@ def clock_shifts(
         ]
         rows.append(_half_difference(*sides))
     return np.array(rows)
+
+
+def scale_shifts(problem: RecordsProblem, theta: FloatArray) -> FloatArray:
+    """By how much the scale of each channel moves the parameters, were it larger by a standard deviation.
+
+    Parameters
+    ----------
+    problem, theta
+        As for :func:`clock_shifts`.
+
+    Returns
+    -------
+    FloatArray
+        Shape ``(u + y, p)``: inputs, then outputs.
+    """
+    structure = problem.structure
+    rows = []
+    for channel in range(len(structure.inputs) + len(structure.outputs)):
+        sides = [
+            replace(problem, records=tuple(scaled(record, channel, share) for record in problem.records)).parts(theta)
+            for share in (SCALE_ERROR, -SCALE_ERROR)
+        ]
+        rows.append(_half_difference(*sides))
+    return np.array(rows)
+
+
+def channel_errors(
+    problem: RecordsProblem, theta: FloatArray, clocks: Mapping[str, float], *, held: Collection[str] = ()
+) -> list[dict[str, float]]:
+    """For each clock and each scale, by how much it moves the free parameters.
+
+    Parameters
+    ----------
+    problem, theta
+        As for :func:`clock_shifts`.
+    clocks
+        Channel to the standard deviation of its clock in samples; others have the usual one.
+    held
+        Parameters on a bound that the data push against. The others move without them; they move as if they were free,
+        for other clocks would have let them go.
+    """
+
+    def late(name: str) -> float:
+        return clocks.get(name, CLOCK_SAMPLES)
+
+    def rows(problem: RecordsProblem, theta: FloatArray) -> list[dict[str, float]]:
+        moved = np.vstack([clock_shifts(problem, theta, late=late), scale_shifts(problem, theta)])
+        return [dict(zip(problem.parameters.free, row, strict=False)) for row in moved.tolist()]
+
+    names = problem.parameters.free
+    together = rows(problem, theta)
+    if not held:
+        return together
+    parameters = problem.parameters.unpack(theta[: len(names)])
+    for name in held:
+        parameters = parameters.fix(name, parameters[name].value)
+    kept = np.array([name not in held for name in names] + [True] * (theta.size - len(names)), dtype=np.bool_)
+    without: list[dict[str, float]] = []
+    if kept[: len(names)].any():
+        without = rows(problem.with_parameters(parameters), theta[kept])
+    alone = [{name: row[name] for name in held} for row in together]
+    return [{**of_held, **others} for of_held, others in zip(alone, without or alone, strict=True)]
+
+
+def scaled(record: TimeData, channel: int, share: float) -> TimeData:
+    """A record in which one channel, of the inputs and then the outputs, is larger by a share."""
+    factors = np.ones((len(record.inputs) + len(record.outputs), 1))
+    factors[channel] += share
+    of_inputs, of_outputs = factors[: len(record.inputs)], factors[len(record.inputs) :]
+    return replace(
+        record,
+        inputs=of_inputs * record.inputs,
+        outputs=of_outputs * record.outputs,
+        before=of_inputs * record.before,
+    )
 
 
 def shifted(record: TimeData, group: ClockGroup, samples: float) -> TimeData:

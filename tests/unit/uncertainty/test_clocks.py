@@ -12,7 +12,7 @@ from rotorid.fitting.time.output_error import TimeData, TimeProblem
 from rotorid.models.library import nonlinear_model, response_model
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.clocks import clock_groups, clock_shifts, shifted
+from rotorid.uncertainty.clocks import channel_errors, clock_groups, clock_shifts, scale_shifts, shifted
 
 RATE_HZ = 20.0
 LATE = 0.15
@@ -73,17 +73,35 @@ def test_each_channel_has_the_clock_of_its_message() -> None:
     np.testing.assert_array_equal(quick[1:], usual[1:])
 
 
-def test_a_clock_is_a_delay() -> None:
+def lag_problem() -> tuple[TimeProblem, FloatArray]:
+    """A first order with delay that simulates its own record exactly, and its values."""
     lag = response_model("response.first_order_delay", [("phi_setpoint", "phi")])
     values = lag.parameters.with_values({"K_phi": 1.0, "T_phi": 0.2, "tau_phi": 0.07})
     rng = np.random.default_rng(0)
     steps = np.repeat(0.1 * rng.choice([-1.0, 1.0], (1, 20)), 12, axis=1)
     record = TimeData(name="steps", inputs=steps, outputs=0.0 * steps, sample_rate_hz=RATE_HZ)
     problem = TimeProblem(structure=lag, parameters=values, records=(record,), unknowns=("initial_state",))
-    asked, answered = clock_shifts(problem.noiseless(values.pack()), values.pack())
+    return problem.noiseless(values.pack()), values.pack()
+
+
+def test_a_clock_is_a_delay() -> None:
+    asked, answered = clock_shifts(*lag_problem())
     late_s = LATE / RATE_HZ
     assert asked[2] == pytest.approx(-late_s, rel=0.4)
     assert answered[2] == pytest.approx(late_s, rel=0.4)
+
+
+def test_a_scale_is_a_gain() -> None:
+    np.testing.assert_allclose(scale_shifts(*lag_problem()), [[-0.0025, 0, 0], [0.0025, 0, 0]], atol=1e-7)
+
+
+def test_the_others_move_without_what_is_on_its_bound_and_it_moves_with_them() -> None:
+    problem, theta = lag_problem()
+    free, held = (channel_errors(problem, theta, {}, held=names) for names in ((), ("tau_phi",)))
+    assert [row["tau_phi"] for row in held] == [row["tau_phi"] for row in free]
+    assert abs(held[0]["T_phi"]) > 2.0 * abs(free[0]["T_phi"])
+    only = channel_errors(problem, theta, {}, held=tuple(problem.parameters.free))
+    assert only == free
 
 
 def test_channels_of_one_unit_share_a_clock() -> None:

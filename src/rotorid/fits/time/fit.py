@@ -25,7 +25,7 @@ from rotorid.fits.scatter import LogEstimate, disagreements, widened
 from rotorid.fits.searching import Searched, refuse_search, searched
 from rotorid.fits.time.records_alone import (
     bounds_in_time,
-    clocks_of,
+    errors_of_channels,
     estimate_of,
     fit_each_record,
     parts_at,
@@ -69,7 +69,7 @@ def equation_bounds(
     *,
     sample_rate_hz: float = 1.0,
     alone: Sequence[LogEstimate] = (),
-    clocks: Sequence[Mapping[str, float]] = (),
+    added: Sequence[Mapping[str, float]] = (),
 ) -> Bounds:
     r"""Bounds of an equation-error fit, from :math:`F = J^T J` of its weighted equations.
 
@@ -81,7 +81,7 @@ def equation_bounds(
     ----------
     domain
         Of the equations.
-    alone, clocks
+    alone, added
         See :func:`rotorid.uncertainty.time_error.with_time_error`.
     """
     fisher = fit.solution.jacobian.T @ fit.solution.jacobian
@@ -98,9 +98,9 @@ def equation_bounds(
     )
     parts = fit.parts(sample_rate_hz)
     if not isinstance(domain, InBand):
-        return with_time_error(random, parts, alone=alone, added=clocks)
+        return with_time_error(random, parts, alone=alone, added=added)
     lines = [np.linspace(*domain.band_rad_s, len(part.residual) // 2) for part in parts]
-    return grown(random, [by_records(random, alone), by_lines(parts, lines).diagonal()], clocks)
+    return grown(random, [by_records(random, alone), by_lines(parts, lines).diagonal()], added)
 
 
 TimeMethod: TypeAlias = Literal["output_error", "prediction_error", "equation_error"]
@@ -391,9 +391,9 @@ def _by_equations(
     noise = errors @ errors.T / errors.shape[1] + _LEAST_NOISE * problem.noise
     problem = problem.with_noise(noise)
     rate_hz = min(record.sample_rate_hz for record in records.data)
-    clocks = clocks_of(problem, found.pack())
+    added = errors_of_channels(problem, found.pack(), records.clocks)
     alone = _equations_of_each(structure, found, records, domain)
-    bounds = equation_bounds(fit, domain, sample_rate_hz=rate_hz, alone=alone, clocks=clocks)
+    bounds = equation_bounds(fit, domain, sample_rate_hz=rate_hz, alone=alone, added=added)
     return _Ended(
         problem,
         fit.solution,
@@ -510,7 +510,7 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod, records: Ti
         assert posed is not None
         # Single numbers of a black box mean nothing, and neither does their scatter.
         alone = () if family_of(posed.structure).opaque else fit_each_record(posed, ended.solution, records)
-        bounds = bounds_in_time(posed, ended.solution, alone=alone)
+        bounds = bounds_in_time(posed, ended.solution, alone=alone, clocks=records.clocks)
     scattered = disagreements(alone)
     bounds = widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in scattered})
     units = {parameter.name: parameter.unit for parameter in parameters}

@@ -1,6 +1,7 @@
 """Bounds of fits in time that simulate or predict, with each record fitted alone.
 
-What the structure lacks and clocks come by :mod:`rotorid.uncertainty.time_error` and :mod:`rotorid.uncertainty.clocks`.
+What the structure lacks comes by :mod:`rotorid.uncertainty.time_error`, clocks and scales by
+:mod:`rotorid.uncertainty.clocks`.
 Records that each move every input are fitted alone, from the values of all together: how they scatter is evidence that
 no model of the errors gives. One that does not determine the parameters is not compared.
 """
@@ -9,8 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,7 +34,7 @@ from rotorid.models.structure import LinearStructure, answers
 from rotorid.results.model import Segment
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.clocks import clock_groups, clock_shifts
+from rotorid.uncertainty.clocks import channel_errors, clock_groups
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
 from rotorid.uncertainty.time_error import with_time_error
 
@@ -46,8 +48,14 @@ def parts_at(problem: Problem, solution: Solution) -> list[Part]:
     return [part._replace(slopes=part.slopes[:, :, kept]) for part in problem.parts(solution.theta)]
 
 
-def bounds_in_time(problem: RecordsProblem, solution: Solution, *, alone: Sequence[LogEstimate] = ()) -> Bounds:
-    """Uncertainty at the end of a fit: random errors by the color of the residuals, model error and clocks.
+def bounds_in_time(
+    problem: RecordsProblem,
+    solution: Solution,
+    *,
+    alone: Sequence[LogEstimate] = (),
+    clocks: Mapping[str, float] = MappingProxyType({}),
+) -> Bounds:
+    """Uncertainty at the end of a fit: random errors by the color of the residuals, model error, clocks and scales.
 
     Parameters
     ----------
@@ -55,6 +63,8 @@ def bounds_in_time(problem: RecordsProblem, solution: Solution, *, alone: Sequen
         With the noise that the fit ended with.
     alone
         Each record fitted alone.
+    clocks
+        Of the channels, as :class:`rotorid.flights.segments.TimeRecords` has them.
 
     Raises
     ------
@@ -62,7 +72,8 @@ def bounds_in_time(problem: RecordsProblem, solution: Solution, *, alone: Sequen
         The records do not determine the parameters.
     """
     random, parts, held = _random(problem, solution)
-    return with_time_error(random, parts, alone=alone, held=held, added=clocks_of(problem, solution.theta, held))
+    added = errors_of_channels(problem, solution.theta, clocks, held)
+    return with_time_error(random, parts, alone=alone, held=held, added=added)
 
 
 def _random(problem: Problem, solution: Solution) -> tuple[Bounds, list[Part], list[str]]:
@@ -72,40 +83,41 @@ def _random(problem: Problem, solution: Solution) -> tuple[Bounds, list[Part], l
     return bounds_of_parts(parts, names), parts, held
 
 
-def clocks_of(problem: RecordsProblem, theta: FloatArray, held: Sequence[str] = ()) -> list[dict[str, float]]:
-    """For each clock, by how much it moves the parameters that are on no bound."""
-    delayed = _clocks_of_delays(problem, held)
-    if delayed is not None:
-        return delayed
-    names = problem.parameters.free
-    parameters = problem.parameters.unpack(theta[: len(names)])
-    for name in held:
-        parameters = parameters.fix(name, parameters[name].value)
-    kept = np.array([name not in held for name in names] + [True] * (theta.size - len(names)), dtype=np.bool_)
-    shifts = clock_shifts(problem.with_parameters(parameters), theta[kept])
-    return [dict(zip(parameters.free, row, strict=False)) for row in shifts.tolist()]
+def errors_of_channels(
+    problem: RecordsProblem, theta: FloatArray, clocks: Mapping[str, float], held: Sequence[str] = ()
+) -> list[dict[str, float]]:
+    """For each clock and each scale, by how much it moves the parameters."""
+    found = channel_errors(problem, theta, clocks, held=held)
+    delayed = _clocks_of_delays(problem, clocks)
+    # What a bound keeps from a delay the others take.
+    of_clocks = [{**row, **exact} if held else exact for row, exact in zip(found, delayed, strict=False)]
+    return [*of_clocks, *found[len(of_clocks) :]]
 
 
-def _clocks_of_delays(problem: RecordsProblem, held: Sequence[str]) -> list[dict[str, float]] | None:
+def _clocks_of_delays(problem: RecordsProblem, clocks: Mapping[str, float]) -> list[dict[str, float]]:
     """What clocks move where every output answers to one input, with a delay of its own: exactly that delay.
 
-    Channels read between their samples would lose the edges of held inputs, which show a delay best.
+    Channels read between their samples would lose the edges of held inputs, which show a delay best. Empty elsewhere.
     """
     structure = problem.structure
     if not isinstance(structure, LinearStructure):
-        return None
+        return []
     delays = [str(entry) for entry in structure.input_delays]
-    if not set(delays) <= set(problem.parameters.free) - set(held) or len(set(delays)) < len(delays):
-        return None
+    if not set(delays) <= set(problem.parameters.free) or len(set(delays)) < len(delays):
+        return []
     answered = answers(structure)
     if not ((answered.sum(axis=0) == 1).all() and (answered.sum(axis=1) == 1).all()):
-        return None
-    late_s = CLOCK_SAMPLES / min(record.sample_rate_hz for record in problem.records)
+        return []
+    step_s = 1.0 / min(record.sample_rate_hz for record in problem.records)
     of_output = [delays[int(row.argmax())] for row in answered]
-    return [
-        {**{delays[row]: late_s for row in group.inputs}, **{of_output[row]: -late_s for row in group.outputs}}
-        for group in clock_groups(structure.inputs, structure.outputs)
-    ]
+    found = []
+    for group in clock_groups(structure.inputs, structure.outputs):
+        names = [*(structure.inputs[row] for row in group.inputs), *(structure.outputs[row] for row in group.outputs)]
+        late_s = step_s * max(clocks.get(name, CLOCK_SAMPLES) for name in names)
+        found.append(
+            {**{delays[row]: late_s for row in group.inputs}, **{of_output[row]: -late_s for row in group.outputs}}
+        )
+    return found
 
 
 def fit_each_record(problem: RecordsProblem, solution: Solution, records: TimeRecords) -> tuple[LogEstimate, ...]:

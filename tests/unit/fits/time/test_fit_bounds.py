@@ -10,7 +10,7 @@ from tests.unit.checking.response_flight import flight
 
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
-from rotorid.fits.time.fit import TimeFit, fit_in_time
+from rotorid.fits.time.fit import TimeFit, TimeMethod, fit_in_time
 from rotorid.fits.time.frequency_check import with_distance
 from rotorid.fits.time.refusals import require_bounds
 from rotorid.flights.flights import Flight
@@ -155,3 +155,30 @@ def test_an_interval_reaches_to_responses_that_contradict_it() -> None:
     assert [finding.kind for finding in far.findings] == ["methods_disagree"]
     assert far.bounds.stds["T_phi"] > 10.0 * std
     assert (near.findings, near.bounds.stds) == ((), fitted.bounds.stds)
+
+
+def test_a_delay_on_its_bound_is_known_to_two_clocks() -> None:
+    """Outputs that come earlier than their inputs leave the delay at zero."""
+    late = {"K_phi": 0.95, "omega_phi": 3.0, "zeta_phi": 0.9, "tau_phi": 0.0}
+    log = flight(noise=0.002, truth=late)
+    records = time_records(response_model(SECOND, [("phi_setpoint", "phi")]), [Flight(log, WHOLE)], IdentifySettings())
+    early = tuple(replace(r, inputs=r.inputs[:, :-3], outputs=r.outputs[:, 3:]) for r in records.data)
+    found = fit_in_time(
+        response_model(SECOND, [("phi_setpoint", "phi")]),
+        records._replace(data=early),
+        IdentifySettings(),
+        method="output_error",
+    )
+    assert found.parameters["tau_phi"].value == 0.0
+    model = dict(zip(found.bounds.names, found.bounds.model_std.tolist(), strict=True))
+    assert model["tau_phi"] == pytest.approx(0.15 * 2.0**0.5 / 50.0, rel=0.01)
+    assert min(model.values()) > 0.0
+
+
+@pytest.mark.parametrize("method", ["output_error", "prediction_error", "equation_error"])
+def test_no_gain_is_better_than_the_scales_of_two_sensors(method: TimeMethod) -> None:
+    log = flight(noise=2e-4, form="response.first_order_delay", truth=LAGGED)
+    records = time_records(FIRST, [Flight(log, WHOLE)], IdentifySettings())
+    found = fit_in_time(FIRST, records, IdentifySettings(), method=method)
+    model = dict(zip(found.bounds.names, found.bounds.model_std.tolist(), strict=True))
+    assert model["K_phi"] > 0.99 * 0.0025 * 2.0**0.5 * abs(found.parameters["K_phi"].value)
