@@ -14,7 +14,7 @@ import pytest
 
 import rotorid
 from rotorid.data.record import FlightRecord
-from rotorid.fits.scatter import disagreements, widened
+from rotorid.fits.scatter import disagreements, with_scatter
 from rotorid.fits.time.fit import fit_in_time
 from rotorid.flights.segments import time_records
 from rotorid.flights.selection import select_records
@@ -46,8 +46,8 @@ def stated(form: str, logs: list[FlightRecord]) -> dict[str, Stated]:
     fit = fit_in_time(structure, time_records(structure, flights, settings), settings, method="output_error")
     parts, names = fit.problem.parts(fit.solution.theta), fit.bounds.names
     held = [name for name, on_bound in zip(names, fit.solution.at_bound, strict=True) if on_bound]
-    still = with_time_error(bounds_of_parts(parts, names), parts, alone=fit.alone, held=held)
-    still = widened(still, {one.parameter: one.scatter for one in disagreements(fit.alone)})
+    random = with_scatter(bounds_of_parts(parts, names), disagreements(fit.alone))
+    still = with_time_error(random, parts, alone=fit.alone, held=held)
     found = {}
     for name, *stds in zip(names, fit.bounds.std, still.std, fit.bounds.random_std, strict=True):
         scatter = float(np.std([log.values[name] for log in fit.alone], ddof=1))

@@ -250,6 +250,14 @@ def _along_swing(name: str, by_swing: Sequence[LogEstimate]) -> AmplitudeDepende
     return AmplitudeDependence(parameter=name, estimates=estimates, at_rest=float(at_rest), sigmas=sigmas)
 
 
+def with_scatter(bounds: Bounds, disagreeing: Sequence[Disagreement]) -> Bounds:
+    """Bounds of random errors, with the scatter of records that disagree.
+
+    The model error in time judges the same misfit by other counterparts, of which the largest counts: it comes after.
+    """
+    return widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in disagreeing})
+
+
 def widened(bounds: Bounds, added: Mapping[str, float]) -> Bounds:
     """Bounds of parts together, with what each parameter's deviation gains by how the parts differ."""
     extra = np.array([added.get(name, 0.0) ** 2 for name in bounds.names])

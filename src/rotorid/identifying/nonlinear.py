@@ -29,7 +29,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fits.remarks import judge_combinations, judge_parameters
-from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, widened
+from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, with_scatter
 from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
 from rotorid.fits.time.fit import explained_percents, simulated_records
 from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
@@ -235,12 +235,11 @@ class Nonlinear:
             fit, posing = self._beside_wind(data, fit, posing)
         estimates = self._fit_each_record(data, fit, posing)
         scattered = disagreements(estimates)
-        bounds = self._bounds(data, fit, estimates)
         fitted = FittedNonlinear(
             model=replace(data.whole, parameters=fit.estimate.parameters),
             outputs=structure.outputs,
             fit=fit,
-            bounds=widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in scattered}),
+            bounds=self._bounds(data, fit, estimates, scattered),
             simulated=simulated_records(fit.problem.predicted(fit.solution.theta), records),
             alone=estimates,
             scattered=scattered,
@@ -257,11 +256,17 @@ class Nonlinear:
         problem = self._posed(posing, data.parameters, data.records, data.records.data)
         return fit_nonlinear(problem, solver=self.solver).estimate.parameters
 
-    def _bounds(self, data: NonlinearData, fit: NonlinearFit, alone: Sequence[LogEstimate]) -> Bounds:
+    def _bounds(
+        self,
+        data: NonlinearData,
+        fit: NonlinearFit,
+        alone: Sequence[LogEstimate],
+        scattered: Sequence[Disagreement],
+    ) -> Bounds:
         """Random errors by the color of the residuals; what equations leave out, records that differ, and channels."""
         theta, names = fit.solution.theta, fit.problem.parameters.free
         parts = fit.problem.parts(theta)
-        bounds = bounds_of_parts(parts, names)
+        bounds = with_scatter(bounds_of_parts(parts, names), scattered)
         if not self.flies:
             return bounds
         return with_time_error(

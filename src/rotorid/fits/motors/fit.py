@@ -25,7 +25,7 @@ from rotorid.fits.motors.errors import gusts_between, motor_model_error, with_mo
 from rotorid.fits.motors.fitted import FittedMotors, levers_of
 from rotorid.fits.motors.motion import CHANNELS, fit_percents
 from rotorid.fits.motors.weight import WEIGHT_ALONE, balance_finding, weighed, with_balance
-from rotorid.fits.scatter import LogEstimate, disagreements, widened
+from rotorid.fits.scatter import LogEstimate, disagreements, with_scatter
 from rotorid.fits.searching import Searched, searched
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
 from rotorid.fitting.motors.excitation import (
@@ -175,7 +175,7 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
     disagreeing = disagreements(_fit_each_log(fitted, choices))
     fitted = replace(
         fitted,
-        bounds=widened(fitted.bounds, {disagreement.parameter: disagreement.scatter for disagreement in disagreeing}),
+        bounds=with_scatter(fitted.bounds, disagreeing),
         disagreeing=disagreeing,
     )
     _require_end(fitted, choices)

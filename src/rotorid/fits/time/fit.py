@@ -21,7 +21,7 @@ from rotorid.data.findings import Finding
 from rotorid.errors import RotoridError, UsageError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.frequency.fit import FrequencyFit
-from rotorid.fits.scatter import LogEstimate, disagreements, widened
+from rotorid.fits.scatter import LogEstimate, disagreements, with_scatter
 from rotorid.fits.searching import Searched, refuse_search, searched
 from rotorid.fits.time.records_alone import (
     bounds_in_time,
@@ -96,6 +96,7 @@ def equation_bounds(
         random=fit.covariance,
         inflation=math.exp(0.5 * float(np.mean(ratio))),
     )
+    random = with_scatter(random, disagreements(alone))
     parts = fit.parts(sample_rate_hz)
     if not isinstance(domain, InBand):
         return with_time_error(random, parts, alone=alone, added=added)
@@ -512,7 +513,6 @@ def _bounded(ended: _Ended, whole: ParameterSet, method: TimeMethod, records: Ti
         alone = () if family_of(posed.structure).opaque else fit_each_record(posed, ended.solution, records)
         bounds = bounds_in_time(posed, ended.solution, alone=alone, clocks=records.clocks)
     scattered = disagreements(alone)
-    bounds = widened(bounds, {disagreement.parameter: disagreement.scatter for disagreement in scattered})
     units = {parameter.name: parameter.unit for parameter in parameters}
     disagreeing = tuple(disagreement.finding(units[disagreement.parameter]) for disagreement in scattered)
     same = whole.free == parameters.free

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.errors import RotoridError
-from rotorid.fits.scatter import LogEstimate
+from rotorid.fits.scatter import LogEstimate, disagreements, with_scatter
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Fit, Part, Problem
 from rotorid.fitting.time.output_error import (
@@ -73,6 +73,7 @@ def bounds_in_time(
     """
     random, parts, held = _random(problem, solution)
     added = errors_of_channels(problem, solution.theta, clocks, held)
+    random = with_scatter(random, disagreements(alone))
     return with_time_error(random, parts, alone=alone, held=held, added=added)
 
 

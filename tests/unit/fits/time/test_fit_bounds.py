@@ -10,6 +10,7 @@ from tests.unit.checking.response_flight import flight
 
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.scatter import disagreements
 from rotorid.fits.time.fit import TimeFit, TimeMethod, fit_in_time
 from rotorid.fits.time.frequency_check import with_distance
 from rotorid.fits.time.refusals import require_bounds
@@ -20,6 +21,7 @@ from rotorid.models.library import response_model
 from rotorid.models.structure import LinearStructure
 from rotorid.results.summary import Compared
 from rotorid.settings.identifying import IdentifySettings
+from rotorid.uncertainty.time_error import by_records
 
 SECOND = "response.second_order_delay"
 WHOLE = Maneuver(axis="roll", start_s=3.0, stop_s=32.9, kind="other")
@@ -129,6 +131,17 @@ def test_flights_of_two_vehicles_disagree_and_the_interval_holds_both() -> None:
     found = fit_of([0.85, 1.05])
     assert {finding.where for finding in found.findings if finding.kind == "logs_disagree"} == {"K_phi"}
     assert 0.08 < found.bounds.stds["K_phi"] < 0.3
+
+
+def test_records_that_disagree_count_once() -> None:
+    """Their scatter, or Student's factor with the deviation of their mean: the larger, not both."""
+    found = fit_of([0.85, 0.95, 1.05])
+    (disagreement,) = disagreements(found.alone)
+    row = found.bounds.names.index("K_phi")
+    by_scatter = found.bounds.random[row, row] + disagreement.scatter**2
+    by_mean = by_records(found.bounds, found.alone)[row]
+    assert by_mean > 0.5 * by_scatter
+    assert found.bounds.stds["K_phi"] == pytest.approx(max(by_scatter, by_mean) ** 0.5, rel=0.01)
 
 
 def test_a_structure_without_the_delay_has_a_model_error() -> None:
