@@ -315,7 +315,7 @@ def identified_model(
     return IdentifiedModel(
         structure=structure,
         parameters=document.parameters,
-        bounds=_bounds(document, end.inflation),
+        bounds=_bounds(document, end),
         fit=Fit(
             method=document.method,
             outputs=tuple(document.outputs),
@@ -353,7 +353,7 @@ def identified_model(
     )
 
 
-def _bounds(document: ResultDocument, inflation: float) -> Bounds:
+def _bounds(document: ResultDocument, end: FitEnd) -> Bounds:
     """Covariance from correlation and standard deviations, bounds from their percents."""
     known = document.correlation or Correlation(names=(), matrix=())
     parameters = [document.parameters[name] for name in known.names]
@@ -368,7 +368,7 @@ def _bounds(document: ResultDocument, inflation: float) -> Bounds:
         insensitivity=np.array([estimate.insensitivity_percent or 0.0 for estimate in parameters]) * size,
         covariance=correlation * np.outer(std, std),
         random=correlation * np.outer(random, random),
-        inflation=inflation,
+        colored=None if end.weights in ("cifer", "covariance") else end.inflation,
     )
 
 

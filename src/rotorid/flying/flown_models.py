@@ -18,7 +18,6 @@ is right and the air is still. Gusts and noise are not in them.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
@@ -48,7 +47,7 @@ from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.flying import FlySettings
 from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds, colored_of
 from rotorid.verification.verification import Scores
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -459,7 +458,7 @@ def _joined(
         insensitivity=np.concatenate([bounds.insensitivity for bounds in blocks]),
         covariance=np.asarray(block_diag(*(bounds.covariance for bounds in blocks))),
         random=np.asarray(block_diag(*(bounds.random for bounds in blocks))),
-        inflation=math.exp(float(np.mean([math.log(bounds.inflation) for bounds in blocks]))),
+        colored=colored_of(blocks),
     )
     parameters = flight.parameters
     for name in parameters.free:

@@ -32,7 +32,7 @@ from rotorid.results.model import (
 )
 from rotorid.results.summary import Cost
 from rotorid.typing import FloatArray
-from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.cramer_rao import Bounds, colored_of
 from rotorid.uncertainty.propagation import pole_confidence
 
 Value = TypeVar("Value")
@@ -258,10 +258,7 @@ def _bounds(parts: Sequence[Bounds], names: tuple[str, ...]) -> Bounds:
         insensitivity=_stacked([part.insensitivity for part in parts]),
         covariance=block_diag(*(part.covariance for part in parts)),
         random=block_diag(*(part.random for part in parts)),
-        # The geometric mean over all parameters, as that of each part is over its own.
-        inflation=float(
-            np.exp(np.average(np.log([part.inflation for part in parts]), weights=[len(p.names) for p in parts]))
-        ),
+        colored=colored_of(parts),
     )
     return bounds_of(together, names)
 

@@ -503,8 +503,8 @@ class FitEnd:
     ``weights`` says what was minimized last: CIFER's cost, errors weighed by their measured covariance, or in time the
     errors of the outputs, or of the equations, by the covariance that they have (``likelihood``). ``trace`` is CIFER's
     cost, summed over the responses, or the sum of squares in time, after each accepted step. ``inflation`` is the
-    factor on standard deviations, in the geometric mean, that comes of model errors and clocks, or in time of residuals
-    that are not white. ``model_error`` is what the structure misses in each response over frequency, relative.
+    factor on standard deviations, in the geometric mean, of all errors over random ones, or in time of residuals that
+    are not white. ``model_error`` is what the structure misses in each response over frequency, relative.
     """
 
     weights: FitWeights

@@ -715,7 +715,7 @@ def acceleration_bounds(problem: AccelerationProblem, theta: FloatArray) -> Boun
         insensitivity=alone,
         covariance=covariance,
         random=covariance,
-        inflation=1.0,
+        colored=1.0,
     )
 
 

@@ -59,9 +59,9 @@ class Bounds(Immutable):
         Of random and model errors together, shape ``(p, p)``.
     random
         Of random errors alone, shape ``(p, p)``: what would scatter from flight to flight.
-    inflation
-        Factor on the standard deviations, in the geometric mean: that of model errors and clocks over random errors
-        alone; or, where the data state no errors, that of colored residuals over white ones.
+    colored
+        Where the data state no errors: standard deviations by colored residuals over those by white ones, in the
+        geometric mean.
     ar_order
         Order of the autoregression that describes this color; zero where none does, or none was asked.
     model_error
@@ -79,7 +79,7 @@ class Bounds(Immutable):
     insensitivity: FloatArray
     covariance: FloatArray
     random: FloatArray
-    inflation: float
+    colored: float | None = None
     ar_order: int = 0
     model_error: ModelError | None = None
     assumed: FloatArray | None = None
@@ -138,14 +138,21 @@ class Bounds(Immutable):
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance) - np.diag(self.random), 0.0)))
 
     @property
+    def inflation(self) -> float:
+        """Factor on the standard deviations, in the geometric mean: of all errors over random errors alone.
+
+        Where the data state no errors, that of colored residuals over white ones.
+        """
+        return _ratio(self.covariance, self.random) if self.colored is None else self.colored
+
+    @property
     def correlation(self) -> FloatArray:
         """Correlation of the parameters, shape ``(p, p)``."""
         return np.asarray(self.covariance / np.outer(self.std, self.std))
 
     def with_errors(self, random: FloatArray, model: FloatArray) -> Bounds:
         """The same with other covariances, of random errors and of model errors and clocks, shape ``(p, p)`` each."""
-        total = random + model
-        return replace(self, covariance=total, random=random, inflation=_ratio(total, random))
+        return replace(self, covariance=random + model, random=random)
 
 
 def bounds(
@@ -224,7 +231,6 @@ def bounds(
         insensitivity=1.0 / (np.sqrt(2.0) * length),
         covariance=total,
         random=random,
-        inflation=_ratio(total, random),
         model_error=found,
     )
 
@@ -234,6 +240,13 @@ def _behind_whitening(errors: ResidualErrors, gain: FloatArray) -> FloatArray:
     from scipy.linalg import solve_triangular
 
     return np.asarray(solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False).T)
+
+
+def colored_of(parts: Sequence[Bounds]) -> float | None:
+    """``colored`` of several bounds together: over all parameters, as that of each is over its own."""
+    if all(part.colored is None for part in parts):
+        return None
+    return math.exp(float(np.average([math.log(p.inflation) for p in parts], weights=[len(p.names) for p in parts])))
 
 
 def _ratio(total: FloatArray, random: FloatArray) -> float:
@@ -248,7 +261,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
     r"""Uncertainty from what a fit has left, where the data state no errors.
 
     Cramér–Rao and insensitivity are CIFER's, :math:`2 \sqrt{(F^{-1})_{ii}}` and :math:`1 / \sqrt{F_{ii}}`, so that the
-    same guidelines apply. The covariance is corrected for the color of the residuals; ``inflation`` is how much larger
+    same guidelines apply. The covariance is corrected for the color of the residuals; ``colored`` is how much larger
     than for white ones the standard deviations are, in the geometric mean.
 
     Parameters
@@ -290,7 +303,7 @@ def bounds_of_parts(parts: Sequence[Part], names: tuple[str, ...], *, alike: boo
         insensitivity=1.0 / length[:count],
         covariance=corrected,
         random=corrected,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
+        colored=math.exp(0.5 * float(np.mean(ratio))),
         ar_order=colored.ar_order,
     )
 

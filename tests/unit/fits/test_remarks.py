@@ -35,7 +35,7 @@ def spread(parameters: ParameterSet, percent: float, *, correlation: float = 0.0
         insensitivity=std,
         covariance=covariance,
         random=covariance,
-        inflation=1.0,
+        colored=1.0,
     )
 
 

@@ -78,7 +78,7 @@ def bounds_of(std: float) -> Bounds:
         insensitivity=np.full(3, std),
         covariance=np.diag(np.full(3, std**2)),
         random=np.diag(np.full(3, std**2)),
-        inflation=1.0,
+        colored=1.0,
     )
 
 

@@ -32,7 +32,7 @@ def half(name: str, seed: int, lag_s: float) -> IdentifiedModel:
         insensitivity=np.ones(len(free)),
         covariance=root @ root.T,
         random=0.25 * root @ root.T,
-        inflation=2.0,
+        colored=2.0,
     )
     made = result(name, {"L_p": -1.0})
     return replace(

@@ -59,7 +59,7 @@ def identified(
         insensitivity=spread,
         covariance=np.diag(spread**2),
         random=np.diag((chance * spread) ** 2),
-        inflation=1.0,
+        colored=1.0,
     )
     covered = {
         f"{axis}_command": Range(unit="1", lowest=0.0, highest=1.0, rms=1.0, mean=float(mean))

@@ -33,7 +33,7 @@ def known(parameters: ParameterSet) -> Bounds:
         insensitivity=std,
         covariance=correlation * np.outer(std, std),
         random=correlation * np.outer(std, std),
-        inflation=1.0,
+        colored=1.0,
     )
 
 

@@ -36,7 +36,7 @@ def bounds(parameters: ParameterSet, percent: float = 1.0) -> Bounds:
         insensitivity=std,
         covariance=np.diag(std**2),
         random=np.diag(std**2),
-        inflation=1.0,
+        colored=1.0,
     )
 
 

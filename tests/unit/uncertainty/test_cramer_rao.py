@@ -9,6 +9,7 @@ import pytest
 
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.scatter import widened
 from rotorid.fitting.frequency.error_shapes import smooth_columns
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem
@@ -18,7 +19,7 @@ from rotorid.models.library import rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import ComplexArray, FloatArray
-from rotorid.uncertainty.cramer_rao import bounds, bounds_of_parts
+from rotorid.uncertainty.cramer_rao import Bounds, bounds, bounds_of_parts, colored_of
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
 OMEGA = np.geomspace(1.5, 50.0, 40)
@@ -273,3 +274,15 @@ def test_parameters_that_do_the_same_are_named_and_no_others() -> None:
     with pytest.raises(InsufficientDataError) as refused:
         bounds_of_parts([part], ("T_zero", "omega", "tau"))
     assert [finding.where for finding in refused.value.findings] == ["T_zero", "tau"]
+
+
+def test_inflation_is_that_of_the_covariances_whatever_was_added() -> None:
+    covariance, flat = np.diag([4.0, 1.0]), np.ones(2)
+    found = Bounds(names=("a", "b"), cramer_rao=flat, insensitivity=flat, covariance=covariance, random=covariance)
+    assert found.inflation == pytest.approx(1.0)
+    wider = widened(found, {"a": 12.0**0.5})
+    assert wider.inflation == pytest.approx(2.0**0.5)
+    assert widened(replace(found, colored=1.7), {"a": 12.0**0.5}).inflation == 1.7
+    both = [wider, replace(found, colored=1.7)]
+    assert colored_of(both) == pytest.approx((2.0**0.5 * 1.7) ** 0.5)
+    assert colored_of(both[:1]) is None

@@ -45,7 +45,7 @@ def limits(parameters: ParameterSet, covariance: FloatArray) -> Bounds:
         insensitivity=np.ones(size),
         covariance=covariance,
         random=covariance,
-        inflation=1.0,
+        colored=1.0,
     )
 
 

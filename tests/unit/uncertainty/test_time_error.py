@@ -44,7 +44,7 @@ def bounded(std: float) -> Bounds:
     covariance = np.array([[std**2]])
     flat = np.ones(1)
     return Bounds(
-        names=("gain",), cramer_rao=flat, insensitivity=flat, covariance=covariance, random=covariance, inflation=1.0
+        names=("gain",), cramer_rao=flat, insensitivity=flat, covariance=covariance, random=covariance, colored=1.0
     )
 
 

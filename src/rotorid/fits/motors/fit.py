@@ -94,7 +94,7 @@ def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
         insensitivity=1.0 / length,
         covariance=colored.corrected,
         random=colored.corrected,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
+        colored=math.exp(0.5 * float(np.mean(ratio))),
     )
     return bounds, colored.ar_order
 
@@ -111,7 +111,7 @@ def _acceleration_bounds(fit: MotorFit, problem: AccelerationErrors) -> tuple[Bo
         insensitivity=alone,
         covariance=covariance,
         random=covariance,
-        inflation=1.0,
+        colored=1.0,
     )
     return bounds, 0
 

@@ -79,7 +79,7 @@ def with_balance(fit: MotorFit, balance: WeightBalance) -> tuple[MotorFit, Bound
         insensitivity=np.array([std]),
         covariance=covariance,
         random=covariance,
-        inflation=1.0,
+        colored=1.0,
     )
     return replace(fit, problem=fit.problem.with_parameters(parameters), solution=solution), bounds
 

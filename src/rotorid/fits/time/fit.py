@@ -74,7 +74,7 @@ def equation_bounds(
     r"""Bounds of an equation-error fit, from :math:`F = J^T J` of its weighted equations.
 
     Percents are formed as by :func:`rotorid.uncertainty.cramer_rao.bounds_of_parts`. The random covariance is that of
-    the fit, for residuals of any color, and ``inflation`` compares it with white ones; the model error is that of all
+    the fit, for residuals of any color, and ``colored`` compares it with white ones; the model error is that of all
     fits in time. None of them knows the bias by noise in measured states.
 
     Parameters
@@ -94,7 +94,7 @@ def equation_bounds(
         insensitivity=1.0 / length,
         covariance=fit.covariance,
         random=fit.covariance,
-        inflation=math.exp(0.5 * float(np.mean(ratio))),
+        colored=math.exp(0.5 * float(np.mean(ratio))),
     )
     random = with_scatter(random, disagreements(alone))
     parts = fit.parts(sample_rate_hz)
