@@ -236,7 +236,7 @@ def judge_structure(
                     "structure_error",
                     name,
                     f"The model may miss {name} by {100.0 * found.deviations[name]:.0f} % over frequency: its random "
-                    "errors are too large to tell. Fly longer, with more excitation, or in calmer air.",
+                    "errors are too large to decide. Fly longer, with more excitation, or in calmer air.",
                     model_error_percent=100.0 * found.deviations[name],
                     log_likelihood=said.found,
                 )
