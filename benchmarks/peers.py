@@ -166,7 +166,8 @@ def peers_table(record: Record) -> str:
     output_error, cva, n4sid = "SIPPY output error", "SIPPY CVA", "Octave n4sid"
     better = size_of(record, calm, output_error) < size_of(record, calm, accuracy.TUNED)
     rule = record["gains, roll"]
-    px4 = rule["PX4 autotune"]
+    px4, simc = rule["PX4 autotune"], rule["SIMC"]
+    stiffer, calmer = simc["stiffness"] > rule["rotorid"]["stiffness"], simc["M_s_90"] < rule["rotorid"]["M_s_90"]
     rises = record["steps"]
     fit = record["frequency fit"]["python-control"]
     rows = (
@@ -211,7 +212,8 @@ def peers_table(record: Record) -> str:
         (
             "gains for roll, stiffness against a moment (1: best within the limits)",
             f"{rule['rotorid']['stiffness']:.2f}, M_s {rule['rotorid']['M_s_90']:.2f} at most in 90 %",
-            f"SIMC {rule['SIMC']['stiffness']:.2f}, **with M_s {rule['SIMC']['M_s_90']:.2f} in 90 %**; "
+            f"{'**' * stiffer}SIMC {simc['stiffness']:.2f}{'**' * stiffer}, "
+            f"{'**' * calmer}with M_s {simc['M_s_90']:.2f} in 90 %{'**' * calmer}; "
             f"AMIGO {rule['AMIGO']['stiffness']:.2f}; PX4's rule {px4['stiffness']:.2f} and {px4['unstable']:.0f} "
             f"unstable; Quicktune's {rule['Quicktune']['stiffness']:.2f} with M_s {rule['Quicktune']['M_s_50']:.2f}",
             "rotorid one log; the rules the exact plant",
