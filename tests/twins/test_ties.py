@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from rotorid.models.rotors import library_layout
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import parameter_estimates
 from rotorid.uncertainty.cramer_rao import Bounds, bounds
-from rotorid.uncertainty.propagation import covariance_of_all
+from rotorid.uncertainty.propagation import covariance_of_all, response_confidence
 from rotorid.uncertainty.ties import TieTest, tie_tests, with_dropped_delays, with_ties
 
 OMEGA = np.geomspace(0.5, 40.0, 24)
@@ -149,6 +150,15 @@ def test_a_contradicted_tie_widens_no_other_derivative() -> None:
     assert lower is not None
     assert upper is not None
     assert lower <= truth["Z_w"] + BODY["Z_w"] <= upper
+    structure = physical_hover(library_layout("quad.x"))
+    heave = structure.outputs.index("w"), structure.inputs.index("thrust_command")
+    roll = structure.outputs.index("p"), structure.inputs.index("roll_command")
+    alone, together = (
+        response_confidence(structure, found.parameters, limits, np.array([0.5, 4.0]))[0]
+        for limits in (found.limits, replace(found.limits, implied={}))
+    )
+    assert alone[heave] == pytest.approx(together[heave], rel=0.02)
+    assert alone[roll][1] < 0.8 * together[roll][1]
     assert listed["dc_T_dJ"].std == pytest.approx(found.limits.stds["dc_T_dJ"], rel=1e-9)
 
 

@@ -172,8 +172,8 @@ def response_confidence(
     UsageError
         The bounds are of other free parameters.
     """
-    root = _root(parameters, bounds.of_response)
-    response, derivative = structure.response_and_jacobian(parameters.values, omega_rad_s, parameters.directions)
+    root, directions = _moved(parameters, bounds)
+    response, derivative = structure.response_and_jacobian(parameters.values, omega_rad_s, directions)
     silent = response == 0.0
     slope = derivative / np.where(silent, 1.0, response)
     spread = np.tensordot(root.T, slope, axes=1)
@@ -204,8 +204,8 @@ def pole_confidence(structure: LinearStructure, parameters: ParameterSet, bounds
     ModelError
         The algebraic equations of the model do not determine their states.
     """
-    root = _root(parameters, bounds.of_response)
-    system, derivatives = structure.matrices_and_jacobian(parameters.values, parameters.directions)
+    root, directions = _moved(parameters, bounds)
+    system, derivatives = structure.matrices_and_jacobian(parameters.values, directions)
     poles, left, right = _modes(system)
     dM, dF = derivatives[0], derivatives[1]
     normal = np.einsum("xi,xz,zi->i", left.conj(), system.M, right)
@@ -350,6 +350,18 @@ def _modes(system: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray
     # A pair is equally far from the origin but for rounding.
     order = np.lexsort((poles.imag, np.array([float(f"{size:.9g}") for size in np.abs(poles)])))
     return poles[order], left[:, finite[order]], right[:, finite[order]]
+
+
+def _moved(parameters: ParameterSet, bounds: Bounds) -> tuple[FloatArray, FloatArray]:
+    """What moves a response, and a root of its covariance: free parameters, and each contradicted tie alone."""
+    root, directions = _root(parameters, bounds.of_measured(())), parameters.directions
+    count = len(bounds.implied)
+    alone = np.zeros((len(directions), count))
+    for column, (tie, moved) in enumerate(bounds.implied.items()):
+        row = parameters.names.index(tie)
+        alone[row, column] = directions[row] @ moved
+    root = np.block([[root, np.zeros((len(root), count))], [np.zeros((count, root.shape[1])), np.eye(count)]])
+    return root, np.hstack([directions, alone])
 
 
 def _root(parameters: ParameterSet, bounds: Bounds) -> FloatArray:
