@@ -348,7 +348,10 @@ def steady_predictor(
         growing = identity + information @ error
         if not np.isfinite(growing).all():
             raise _unseen()
-        inverse = np.linalg.inv(growing)
+        try:
+            inverse = np.linalg.inv(growing)
+        except np.linalg.LinAlgError:
+            raise _unseen() from None
         grown = late.T @ error @ inverse @ late
         information = information + late @ inverse @ information @ late.T
         information = 0.5 * (information + information.T)
