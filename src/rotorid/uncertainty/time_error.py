@@ -15,7 +15,7 @@ For errors that are noise, each expects the random covariance. They see one misf
 
 .. math:: \sigma^2 = \max(C_{rand}, C_{time}, C_{freq}, C_{out}, C_{rec}) + \sum_k d_k^2
 
-with what clocks and sensors move, :math:`d_k`, which no residual shows. Records of one plan repeat one misfit and
+with what clocks and scales move, :math:`d_k`, which no residual shows. Records of one plan repeat one misfit and
 agree by it: a small *S* makes no interval small. The correlations are those of the random errors.
 """
 
