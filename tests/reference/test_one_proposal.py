@@ -30,6 +30,8 @@ FLIGHTS: list[tuple[str, Axis]] = [
     ("real_stacks/ap_x_wind_soft_card_flight.BIN.xz", "pitch"),
     ("real_stacks/ap_x_guided_multisine.BIN.xz", "roll"),
 ]
+_ROUTINE = (0, 6)
+"""Places of the flights that every run of the tests looks at: one for each autopilot, one of them real."""
 LOGS = sorted({name for name, _ in FLIGHTS} | {"everyday/betaflight_431_freestyle.bbl.xz"})
 _ONE_LINE = {"room_not_checked"}
 """Kinds of findings by which a result says what its log would add."""
@@ -58,7 +60,10 @@ def three(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Three:
 
 @pytest.mark.parametrize(
     ("name", "axis"),
-    [pytest.param(*flight, marks=pytest.mark.slow if place % 2 else ()) for place, flight in enumerate(FLIGHTS)],
+    [
+        pytest.param(*flight, marks=() if place in _ROUTINE else pytest.mark.slow)
+        for place, flight in enumerate(FLIGHTS)
+    ],
 )
 def test_a_log_its_result_and_both_give_one_proposal(name: str, axis: Axis, three: Three) -> None:
     _, found = three(name, axis)
@@ -104,6 +109,7 @@ def test_a_result_keeps_the_controller_and_the_filters_of_its_log(name: str, sha
         assert kept.passed == known_filters(log, source)
 
 
+@pytest.mark.slow
 def test_a_filter_is_tried_on_a_result_alone_too(three: Three, shared_data: Path, tmp_path: Path) -> None:
     log = rotorid.read(shared_data / "ardupilot_sitl/x_wind_rollpitch.BIN.xz")
     save(rotorid.identify(log, "rate.roll"), tmp_path)

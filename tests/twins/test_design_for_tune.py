@@ -51,10 +51,8 @@ def bands_asked_for(path: Path) -> dict[str, float]:
     return {one.where: one.numbers["needed_rad_s"] for one in found if one.kind == "band_below_crossover"}
 
 
-@pytest.mark.parametrize(
-    ("gains", "needed_rad_s"),
-    [pytest.param(SOFT, 115.0, id="soft"), pytest.param({}, 120.0, id="stock", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("gains", "needed_rad_s"), [(SOFT, 115.0), ({}, 120.0)], ids=["soft", "stock"])
 def test_tune_asks_for_no_wider_band_after_the_flight_that_was_designed_for_it(
     gains: Mapping[str, float], needed_rad_s: float, tmp_path: Path
 ) -> None:

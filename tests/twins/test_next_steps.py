@@ -185,6 +185,7 @@ def test_results_that_know_the_rotors_keep_them(tmp_path: Path) -> None:
     assert flown_as(replace(choices, changes={"m": 1.2}), record).hover_throttle is None
 
 
+@pytest.mark.slow
 def test_the_sweep_that_tune_asks_for_is_a_command_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_log(Path("my flight.bin"), fly_multirotor(aircraft("ardupilot_quad"), duration_s=20.0, seed=2), format="bin")

@@ -107,7 +107,7 @@ def hover(*, body: bool, seed: int, I_zz: float | None = None) -> Found:
     return fitted(posed.with_parameters(parameters))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_rotors_that_drag_alone_contradict_nothing(seed: int) -> None:
     found = hover(body=False, seed=seed)
     assert found.findings() == set()
@@ -115,7 +115,7 @@ def test_rotors_that_drag_alone_contradict_nothing(seed: int) -> None:
         assert found.contains(name, TRUTH[name], found.limits), name
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_body_that_drags_is_found_and_its_intervals_contain_the_truth(seed: int) -> None:
     found = hover(body=True, seed=seed)
     assert ("tie_contradicted", "Z_w") in found.findings()

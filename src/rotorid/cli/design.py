@@ -78,8 +78,9 @@ def design_command(
 ) -> None:
     """Plan a test flight: what to fly, how long, how well it will measure, with a card for the pilot.
 
-    Exit code 1 where no plan supports a model; the files are written, and findings give the reason.
+    Exit code 1 where no plan to fit a model supports it; the files are written, and findings give the reason.
     """
+    from rotorid.data.trust import RICH_KINDS
     from rotorid.documents.vehicle import named_vehicle
     from rotorid.flying.designs import design as plan_flights
     from rotorid.io.folders import making
@@ -107,8 +108,10 @@ def design_command(
         sys.stdout.write(to_json(document))
     elif not output.quiet:
         _print(document, choices, vehicle, made.folder, verbose=output.verbose)
-    supported = {predicted.model for plan in designed for predicted in plan.told if predicted.prediction is not None}
-    if any(predicted.model not in supported for plan in designed for predicted in plan.told):
+    # Doublets and steps verify a model; they are not flown to fit one.
+    fitted = [plan for plan in designed if plan.planned.plan.inputs[0].maneuver.kind in RICH_KINDS]
+    supported = {predicted.model for plan in fitted for predicted in plan.told if predicted.prediction is not None}
+    if any(predicted.model not in supported for plan in fitted for predicted in plan.told):
         raise typer.Exit(1)
 
 

@@ -108,6 +108,9 @@ def hold_response(omega_rad_s: FloatArray, records: TimeRecords) -> ComplexArray
 _DISTINCT_SIGMAS = 3.0
 """Combined standard deviations beyond which two methods disagree."""
 
+_CHANCE_SIGMAS = 2.0
+"""Those that chance explains."""
+
 
 def responses_without_hold(
     fitted: TimeFit, frequency: FrequencyFit, records: TimeRecords
@@ -174,20 +177,24 @@ def require_one_gain(fitted: TimeFit, frequency: FrequencyFit | None) -> None:
 
 
 def with_distance(fitted: TimeFit, others: Mapping[str, Compared]) -> TimeFit:
-    """The fit with a finding, and an interval that holds the other value, where the frequency domain contradicts it.
+    r"""The fit with intervals that reach to the frequency domain where that contradicts them, and with findings on it.
+
+    Of a distance :math:`d` between values with the combined deviation :math:`\sigma`, chance explains
+    :math:`2 \sigma`; the deviation grows by :math:`\sqrt{d^2 - 4 \sigma^2}` in squares, without a jump.
 
     Parameters
     ----------
     others
         Parameters in the frequency domain, see :func:`compare_with`.
     """
-    found = judge_agreement(fitted, others)
-    apart = {
-        finding.where: abs(fitted.parameters[finding.where].value + others[finding.where].hold_s - other)
-        for finding in found
-        for other in [others[finding.where].value]
-    }
-    return replace(fitted, bounds=widened(fitted.bounds, apart), findings=(*fitted.findings, *found))
+    added = {}
+    for name, other in others.items():
+        if name in fitted.bounds.names and other.std is not None:
+            distance = fitted.parameters[name].value + other.hold_s - other.value
+            chance = _CHANCE_SIGMAS**2 * (fitted.bounds.stds[name] ** 2 + other.std**2)
+            added[name] = math.sqrt(max(distance**2 - chance, 0.0))
+    findings = (*fitted.findings, *judge_agreement(fitted, others))
+    return replace(fitted, bounds=widened(fitted.bounds, added), findings=findings)
 
 
 def judge_agreement(fitted: TimeFit, others: Mapping[str, Compared]) -> tuple[Finding, ...]:
