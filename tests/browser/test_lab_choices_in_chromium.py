@@ -99,6 +99,7 @@ def test_segments_stay_with_their_log(lab: LabPage) -> None:
     assert page.is_visible("#shared-segments")
 
 
+@pytest.mark.slow
 def test_a_log_that_is_still_inspected_is_no_obstacle(lab: LabPage) -> None:
     """What somebody asked for last is shown, and a step back leads to a log of which only the channels are known."""
     page = lab.page

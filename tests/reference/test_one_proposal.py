@@ -119,6 +119,7 @@ def test_a_filter_is_tried_on_a_result_alone_too(three: Three, shared_data: Path
     assert one.files == other.files
 
 
+@pytest.mark.slow
 def test_a_rate_whose_filter_was_taken_out_has_it_in_its_loop(shared_data: Path) -> None:
     """Without it the loop would look faster than it is by the delay of the filter."""
     log = rotorid.read(shared_data / "real_stacks/ap_x_guided_multisine.BIN.xz")
