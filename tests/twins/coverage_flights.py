@@ -63,7 +63,7 @@ FINAL_WEATHERS: Mapping[str, Wind] = MappingProxyType(
     }
 )
 WEATHERS: Mapping[str, Wind] = MappingProxyType({**DEV_WEATHERS, **FINAL_WEATHERS})
-DEV_SEEDS, FINAL_SEEDS = (101, 102, 103), (201, 202, 203)
+DEV_SEEDS, FINAL_SEEDS = (101, 102, 103), (201,)
 """Seeds for work on the methods, and seeds that nobody looks at before the work is done."""
 S500_SPEED, S500_GUSTS = 0.25, 0.15
 """Share of a wind in which the linear S500 flies: M_w u turns it over in more, with no test input at all."""

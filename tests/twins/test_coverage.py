@@ -25,6 +25,8 @@ from tests.twins.coverage import (
     FLOWN,
     KINDS,
     MODELS,
+    REFUSED,
+    STRUCTURE,
     Case,
     Identified,
     Judged,
@@ -72,9 +74,111 @@ class Cell(NamedTuple):
     kind: str
 
 
-CELLS = tuple(Cell(vehicle, kind) for vehicle in FLOWN for kind in KINDS if models_of(vehicle, KINDS[kind]))
-MISSED: Mapping[str, Mapping[Cell, str]] = {}
-"""Of a bar, the cells that are known to miss it, and why: ``--misses`` of the study lists them."""
+JUDGED = ("rate", "axis", "hover")
+"""Kinds of models whose cells have been flown in the final winds; the others are judged in development's alone."""
+CELLS = tuple(Cell(vehicle, kind) for vehicle in FLOWN for kind in JUDGED if models_of(vehicle, KINDS[kind]))
+_GUSTS = (
+    "the air and the trim of a sweep change within it, in gusts and at 4 to 6 m/s; no column of the errors has that"
+)
+_LAG = "in yaw the lag of the motors is dropped, or stated too surely beside the reaction of the rotors"
+_DRAG = "drag that grows with the square of speed has another slope in each sweep"
+_ALONE = "no model of one axis describes the simulated S500"
+_TINY = "random errors in wind, and scales of 0.25 % that these sensors do not have"
+_CLOCKS = "delays and what trades with them: clocks of 0.15 sample, and sensors that contradict each other by 2.5 ms"
+_SPEED = "a rate model has no place for the speed modes of the Hummingbird"
+
+
+def cells(reasons: Mapping[str, str]) -> dict[Cell, str]:
+    """Reasons by cell, from ``vehicle-kind``."""
+    return {Cell(*name.split("-")): reason for name, reason in reasons.items()}
+
+
+MISSED: Mapping[str, Mapping[Cell, str]] = {
+    "few contain the truth": cells(
+        {
+            "px4_quad-rate": _LAG,
+            "px4_quad-axis": _LAG,
+            "ardupilot_quad-hover": _DRAG,
+            "x500-hover": _GUSTS,
+            "s500-rate": _ALONE,
+            "s500-axis": _ALONE,
+        }
+    ),
+    "all contain the truth": cells(
+        dict.fromkeys(("x500-rate", "iris-rate"), "errors are alike in every flight and scatter little")
+    ),
+    "errors exceed what is stated": cells(
+        {
+            "px4_quad-axis": _GUSTS,
+            "px4_quad-hover": _GUSTS,
+            "ardupilot_quad-hover": _DRAG,
+            "x500-hover": _GUSTS,
+            "hummingbird-hover": _GUSTS,
+        }
+    ),
+    "wider than errors": cells(
+        {
+            "s500-axis": _ALONE,
+            "s500-hover": _CLOCKS,
+            "crazyflie-rate": _CLOCKS,
+            "hummingbird-axis": _CLOCKS,
+        }
+    ),
+    "wider than 0.7 % of tiny errors": cells(
+        dict.fromkeys(
+            (
+                "px4_quad-rate",
+                "px4_quad-hover",
+                "x500-hover",
+                "iris-axis",
+                "iris-hover",
+                "s500-hover",
+                "crazyflie-rate",
+                "crazyflie-axis",
+                "crazyflie-hover",
+                "hummingbird-axis",
+                "hummingbird-hover",
+            ),
+            _TINY,
+        )
+    ),
+    "a parameter misses": cells(
+        {
+            "px4_quad-rate": f"T_motor: {_LAG}",
+            "px4_quad-axis": f"T_motor: {_LAG}",
+            "ardupilot_quad-rate": f"Z_w: {_DRAG}",
+            "ardupilot_quad-hover": f"Z_w: {_DRAG}",
+            "x500-hover": f"Y_p, L_r: {_GUSTS}",
+            "s500-rate": _ALONE,
+            "s500-axis": _ALONE,
+            "crazyflie-axis": f"L_roll: {_GUSTS}",
+            "hummingbird-hover": f"X_thrust: {_GUSTS}",
+        }
+    ),
+    REFUSED: cells(dict.fromkeys(("s500-rate", "s500-axis"), _ALONE)),
+    STRUCTURE: cells(
+        {
+            **dict.fromkeys(
+                (
+                    "px4_quad-axis",
+                    "px4_quad-hover",
+                    "ardupilot_quad-hover",
+                    "x500-axis",
+                    "x500-hover",
+                    "iris-axis",
+                    "iris-hover",
+                    "s500-hover",
+                    "crazyflie-axis",
+                    "crazyflie-hover",
+                    "hummingbird-hover",
+                ),
+                f"in wind: {_GUSTS}",
+            ),
+            "hummingbird-rate": _SPEED,
+        }
+    ),
+}
+"""Of a bar, the cells that are known to miss it, and why it seems so: ``--misses`` of the study lists them."""
 LEAST_OF_ALL, LARGEST_OF_ALL = 0.65, 4.0
 """What even the worst cell of those that miss must keep."""
 
@@ -95,7 +199,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Study:
     """The whole study; in the folder ``ROTORID_COVERAGE``, where one is named, it goes on where it ended."""
     kept = os.environ.get("ROTORID_COVERAGE")
     folder = Path(kept) if kept else tmp_path_factory.mktemp("study")
-    found = study(folder, weathers=tuple(FINAL_WEATHERS), seeds=FINAL_SEEDS, workers=2)
+    models = [name for kind in JUDGED for name in KINDS[kind]]
+    found = study(folder, weathers=tuple(FINAL_WEATHERS), seeds=FINAL_SEEDS, models=models, workers=2)
     print(*table(found), sep="\n")
     return found
 
