@@ -23,6 +23,7 @@ from rotorid.fitting.frequency.problem import (
     EXCELLENT_COST,
     FrequencyProblem,
     pair_names,
+    random_costs,
 )
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.measure import Measured
@@ -185,7 +186,10 @@ _MANY_TIMES = 6.0
 """Times the median cost, and ..."""
 
 _COSTLY = 30.0
-"""... cost, above both of which a response is named separately."""
+"""... cost, above both of which a response is named separately, unless ..."""
+
+_BEYOND_CHANCE = 2.0
+"""... its random errors alone cost half of that."""
 
 
 def structure_evidence(problem: FrequencyProblem, limits: Bounds, theta: FloatArray) -> dict[str, Evidence]:
@@ -253,7 +257,8 @@ def judge_structure(
             )
     used = problem.used.any(axis=-1)
     typical = float(np.median(costs[used]))
-    for y, u in np.argwhere(used & (costs > max(_MANY_TIMES * typical, _COSTLY))):
+    by_chance = _BEYOND_CHANCE * random_costs(problem.data.random_error, problem.weights)
+    for y, u in np.argwhere(used & (costs > np.maximum(by_chance, max(_MANY_TIMES * typical, _COSTLY)))):
         findings.append(
             warn(
                 "structure_error",

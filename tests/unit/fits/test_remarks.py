@@ -129,7 +129,10 @@ def a_fit(**changes: Any) -> Any:
     )
     return SimpleNamespace(
         problem=SimpleNamespace(
-            structure=rate_model("rate.roll"), data=data, used=np.ones(errors.shape, dtype=np.bool_)
+            structure=rate_model("rate.roll"),
+            data=data,
+            used=np.ones(errors.shape, dtype=np.bool_),
+            weights=np.ones(errors.shape),
         ),
         solution=SimpleNamespace(outcome=made["outcome"], settled=made["outcome"] is Outcome.CONVERGED),
         final=SimpleNamespace(outcome=made["final"], settled=made["final"] is Outcome.CONVERGED),
@@ -207,6 +210,10 @@ def test_a_response_that_costs_many_times_the_others_is_remarked_on() -> None:
     fitted.problem.data.outputs = names
     fitted.problem.data.random_error = np.full((3, 1, 20), 0.01)
     fitted.problem.used = np.ones((3, 1, 20), dtype=np.bool_)
+    fitted.problem.weights = np.ones((3, 1, 20))
     (found,) = judge_structure(fitted.problem, np.array([[4.0], [5.0], [31.0]]), fitted.bounds, {})
     assert (found.kind, found.where) == ("structure_error", "ay/roll_command")
     assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [29.0]]), fitted.bounds, {}) == ()
+    # In gusts: an error of 15 % costs 60 by itself.
+    fitted.problem.data.random_error = np.full((3, 1, 20), 0.15)
+    assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [63.0]]), fitted.bounds, {}) == ()

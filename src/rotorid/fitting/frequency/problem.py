@@ -138,6 +138,21 @@ def pair_costs(model: ComplexArray, data: ComplexArray, weights: FloatArray) -> 
     return np.asarray(np.sum((magnitude * error.real) ** 2 + (phase * error.imag) ** 2, axis=-1))
 
 
+def random_costs(random_error: FloatArray, weights: FloatArray) -> FloatArray:
+    """Cost of each response that random errors alone would make, shape ``(y, u)``: as large in magnitude as in phase.
+
+    Examples
+    --------
+    Ten percent of a response that is weighted fully:
+
+    >>> random_costs(np.full((1, 1, 50), 0.1), np.ones((1, 1, 50))).round().tolist()
+    [[27.0]]
+    """
+    magnitude, phase = residual_scales(weights)
+    error = np.where(weights > 0.0, random_error, 0.0)
+    return np.asarray(np.sum((magnitude**2 + phase**2) * error**2, axis=-1))
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """Measured points: frequencies of all, shape ``(f,)``, and for each point its indices and value, shape ``(n,)``.
