@@ -80,7 +80,6 @@ def test_workers_killed_ten_times_during_a_hundred_logs(tmp_path: Path, monkeypa
 
 
 @posix
-@pytest.mark.slow
 def test_logs_that_kill_hang_and_eat_are_set_aside(tmp_path: Path) -> None:
     folder = tmp_path / "logs"
     write_logs(folder, 20)

@@ -155,26 +155,14 @@ def clock_samples(
         present = [name for name, made_of in parts.items() if made_of and set(made_of) <= set(logged)]
         shown_s = clock_error_s(record, present, [interval])
         for name in present:
-            usual = CLOCK_SAMPLES * min(slowest_step_s(record, parts[name], interval) * sample_rate_hz, 1.0)
+            usual = CLOCK_SAMPLES * min(_slowest_step_s(record, parts[name], interval) * sample_rate_hz, 1.0)
             own = usual if shown_s is None else min(shown_s * sample_rate_hz, usual)
             found[name] = max(found[name], own)
     return found
 
 
-def slowest_step_s(record: FlightRecord, channels: Iterable[str], interval: tuple[float, float]) -> float:
-    """Step between the messages of the slowest of some channels, seconds; infinite where one is not logged.
-
-    Examples
-    --------
-    >>> from rotorid.data.record import Channel, Source, Topic
-    >>> def topic(name, unit, step_s):
-    ...     channels = (Channel(name=name, unit=unit),)
-    ...     return Topic(name=name, time_s=step_s * np.arange(100), channels=channels, values=np.zeros((1, 100)))
-    >>> topics = (topic("phi", "rad", 0.004), topic("velocity_north", "m/s", 0.04))
-    >>> log = FlightRecord(source=Source(name="a.ulg", format="PX4 ULog", sha256=""), topics=topics)
-    >>> [round(slowest_step_s(log, names, (0.0, 0.3)), 3) for names in (["phi"], ["phi", "velocity_north"])]
-    [0.004, 0.04]
-    """
+def _slowest_step_s(record: FlightRecord, channels: Iterable[str], interval: tuple[float, float]) -> float:
+    """Step between the messages of the slowest of some channels, seconds; infinite where one is not logged."""
     try:
         topics = [source_topic(record, name, *interval)[0] for name in channels]
     except InsufficientDataError:

@@ -26,6 +26,7 @@ from rotorid.results.summary import Cost, PairCost
 from rotorid.results.verdicts import LEVEL_OF, badge, cost_verdict, response_verdict, verdict
 
 MISSED = warn("structure_error", "p/roll_command", "It misses.", model_error_percent=18.0)
+UNDECIDED = warn("structure_error", "p/roll_command", "It may miss.", model_error_percent=16.0, log_likelihood=1.0)
 COSTLY = warn("structure_error", "p/roll_command", "It costs.", cost=60.0, median_cost=2.0)
 RESTLESS = warn("not_converged", "rate.roll", "It did not come to rest.")
 IMPOSSIBLE = warn("impossible_physics", "thrust", "It carries too much.")
@@ -55,6 +56,7 @@ CASES = [
     (model(cost=7.3, findings=(COSTLY,)), "partly valid", "yellow"),
     (model(cost=0.2, findings=(RESTLESS, MISSED)), "not settled", "yellow"),
     (model(cost=0.2, findings=(IMPOSSIBLE,)), "not physical", "yellow"),
+    (model(cost=0.2, findings=(UNDECIDED,)), "partly valid", "yellow"),
     (model(cost=0.2, findings=(remark("structure_error", "p", "Said only."),)), "good", "green"),
     (model(cost=None, percent={"p": 91.0, "q": 66.0}), "good", "green"),
     (model(cost=None, percent={"p": 91.0, "q": 37.0}), "weak", "yellow"),
@@ -115,6 +117,10 @@ def test_no_green_stands_beside_values_without_physical_meaning(cost: float) -> 
     assert response_verdict("p/roll_command", cost, [note]) == cost_verdict(cost)
     # Another response is not touched.
     assert response_verdict("q/pitch_command", cost, made.findings) == cost_verdict(cost)
+
+
+def test_a_model_error_that_the_data_cannot_decide_is_no_pass_and_no_verdict() -> None:
+    assert response_verdict("p/roll_command", 7.3, [UNDECIDED]).words == "the model may miss it by 16 %"
 
 
 def test_what_was_refused_is_gray_and_says_why() -> None:
