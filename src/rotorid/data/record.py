@@ -705,6 +705,12 @@ class MotorRecord(Immutable):
         Specific force along the body's z axis in m/s², shape ``(n,)``; -9.81 in hover.
     w
         Velocity along the body's z axis in m/s, shape ``(n,)``; empty where it was not logged.
+    force
+        Specific force along all three axes in m/s², shape ``(3, n)``; empty where only ``az`` is wanted.
+    velocity
+        Over ground, in body axes, m/s, shape ``(3, n)``; empty where it was not logged.
+    attitude
+        Roll, pitch and heading in rad, shape ``(3, n)``; empty where it was not logged.
     strength
         Thrust at a given output relative to that at the reference voltage, shape ``(n,)``; one by default.
     gyro_taps, accel_taps
@@ -724,6 +730,9 @@ class MotorRecord(Immutable):
     rates: FloatArray
     az: FloatArray
     w: FloatArray = field(default_factory=lambda: np.zeros(0))
+    force: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+    velocity: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+    attitude: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
     strength: FloatArray = field(default_factory=lambda: np.zeros(0))
     gyro_taps: FloatArray = field(default_factory=lambda: np.ones(1))
     accel_taps: FloatArray = field(default_factory=lambda: np.ones(1))
@@ -736,13 +745,19 @@ class MotorRecord(Immutable):
         strength = self.strength if self.strength.size else np.ones(samples)
         az, w, strength = (read_only(values, np.float64, ndim=1) for values in (self.az, self.w, strength))
         sizes = {"rates": rates.shape[1], "az": az.size, "w": w.size or samples, "strength": strength.size}
+        motion = {
+            name: read_only(getattr(self, name), np.float64, ndim=2) for name in ("force", "velocity", "attitude")
+        }
+        sizes |= {name: rows.shape[1] or samples for name, rows in motion.items()}
         for name, size in sizes.items():
             if size != samples:
                 raise UsageError(f"{self.name} has {size} samples of {name} and {samples} of motor outputs")
-        if not all(np.isfinite(values).all() for values in (outputs, rates, az, w, strength)):
+        if not all(np.isfinite(values).all() for values in (outputs, rates, az, w, strength, *motion.values())):
             raise UsageError(f"{self.name} contains samples that are not finite", needed="records without gaps")
         gyro, accel = (read_only(taps, np.float64, ndim=1) for taps in (self.gyro_taps, self.accel_taps))
-        self._set(outputs=outputs, rates=rates, az=az, w=w, strength=strength, gyro_taps=gyro, accel_taps=accel)
+        self._set(
+            outputs=outputs, rates=rates, az=az, w=w, strength=strength, gyro_taps=gyro, accel_taps=accel, **motion
+        )
 
     @property
     def samples(self) -> int:
