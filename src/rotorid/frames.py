@@ -138,3 +138,46 @@ def euler_from_quaternion(quaternion: FloatArray) -> FloatArray:
     phi = np.arctan2(2.0 * (w * x + y * z), w**2 - x**2 - y**2 + z**2)
     theta = np.arctan2(2.0 * (w * y - x * z), np.hypot(a, b))
     return np.stack([phi, theta, np.arctan2(b, a)])
+
+
+def earth_to_body(attitude: FloatArray, vectors: FloatArray) -> FloatArray:
+    r"""Vectors over the earth in body axes: :math:`R^T(\phi, \theta, \psi) \, v`, by yaw, pitch and roll in this order.
+
+    Parameters
+    ----------
+    attitude
+        Roll, pitch and heading in rad, shape ``(3, samples)``.
+    vectors
+        North, east, down; shape ``(3, samples)``.
+
+    Returns
+    -------
+    FloatArray
+        Forward, right, down; shape ``(3, samples)``.
+
+    Examples
+    --------
+    Heading east, north is to the left:
+
+    >>> import numpy as np
+    >>> earth_to_body(np.array([[0.0], [0.0], [0.5 * np.pi]]), np.array([[1.0], [0.0], [0.0]])).round(6).T.tolist()
+    [[0.0, -1.0, 0.0]]
+    """
+    for angle, (i, j) in ((2, (0, 1)), (1, (2, 0)), (0, (1, 2))):
+        cosine, sine = np.cos(attitude[angle]), np.sin(attitude[angle])
+        turned = vectors.copy()
+        turned[i] = cosine * vectors[i] + sine * vectors[j]
+        turned[j] = cosine * vectors[j] - sine * vectors[i]
+        vectors = turned
+    return vectors
+
+
+def body_to_earth(attitude: FloatArray, vectors: FloatArray) -> FloatArray:
+    r"""Vectors in body axes over the earth, :math:`R v`: the inverse of :func:`earth_to_body`, in its shapes."""
+    for angle, (i, j) in ((0, (1, 2)), (1, (2, 0)), (2, (0, 1))):
+        cosine, sine = np.cos(attitude[angle]), np.sin(attitude[angle])
+        turned = vectors.copy()
+        turned[i] = cosine * vectors[i] - sine * vectors[j]
+        turned[j] = cosine * vectors[j] + sine * vectors[i]
+        vectors = turned
+    return vectors

@@ -38,7 +38,7 @@ NeuroBEM, on what is left when rotors are modeled by blade elements.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -263,7 +263,7 @@ def flight_columns(
     """
     x, y, z = (column[:, None] for column in airframe.positions.T)
     spins, none = airframe.spins[:, None], np.zeros(speeds.shape[1])
-    thrusts = {
+    thrusts: dict[str, Callable[[], FloatArray]] = {
         "c_0": lambda: np.ones_like(speeds),
         "c_1": lambda: speeds,
         "c_2": lambda: speeds**2,
@@ -273,7 +273,7 @@ def flight_columns(
         "c_ha": lambda: air.edge * np.abs(air.climb),
         "c_wake": lambda: (x * air.forward + y * air.right) * air.climb,
     }
-    sides = {"k_d": lambda: -speeds, "k_w": lambda: -air.climb}
+    sides: dict[str, Callable[[], FloatArray]] = {"k_d": lambda: -speeds, "k_w": lambda: -air.climb}
     found = {}
     for name in names:
         if name in thrusts:
@@ -291,13 +291,13 @@ def flight_columns(
             force = np.stack([none, none, -velocity[2] * np.sqrt((velocity**2).sum(axis=0))])
             moment = np.zeros_like(force)
         elif name in HUB_TERMS:
-            rows = {
+            turns: dict[str, Callable[[], tuple[FloatArray, ...]]] = {
                 "m_f": lambda: (-air.inflow * air.right, air.inflow * air.forward, 0.0 * speeds),
                 "m_s": lambda: (spins * speeds * air.forward, spins * speeds * air.right, 0.0 * speeds),
                 "kappa_lambda": lambda: (0.0 * speeds, 0.0 * speeds, spins * air.inflow**2),
                 "k_r": lambda: (0.0 * speeds, 0.0 * speeds, -rates[2] * speeds),
-            }[name]()
-            force, moment = np.zeros((3, none.size)), np.stack([row.sum(axis=0) for row in rows])
+            }
+            force, moment = np.zeros((3, none.size)), np.stack([row.sum(axis=0) for row in turns[name]()])
         else:
             raise ModelError(
                 f"there is no coefficient {name}", needed=f"one of {', '.join((*FORCE_TERMS, *HUB_TERMS))}"
@@ -409,11 +409,27 @@ def hover_thrust(values: Mapping[str, float], airframe: Airframe) -> HoverThrust
     return HoverThrust(weight / speed**2, speed, induced, linear + 2.0 * c_2 * speed)
 
 
+def place_columns(rates: FloatArray, acceleration: FloatArray) -> dict[str, FloatArray]:
+    """Specific force, m/s² for each meter that the accelerometer is away from the center of gravity, ``(3, n)`` each.
+
+    Parameters
+    ----------
+    rates, acceleration
+        About the axes, rad/s and rad/s², shape ``(3, n)``.
+    """
+    p, q, r = rates
+    p_dot, q_dot, r_dot = acceleration
+    return {
+        "x_imu": np.stack([-(q**2) - r**2, p * q + r_dot, p * r - q_dot]),
+        "y_imu": np.stack([p * q - r_dot, -(p**2) - r**2, q * r + p_dot]),
+        "z_imu": np.stack([p * r + q_dot, q * r - p_dot, -(p**2) - q**2]),
+    }
+
+
 def felt(
     loads: Columns, values: Mapping[str, float], mass_kg: float, rates: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
     """Specific force at the accelerometer, m/s², shape ``(3, n)``, with the angular ``acceleration`` in rad/s²."""
-    place = np.array([values.get(name, 0.0) for name in ("x_imu", "y_imu", "z_imu")])[:, None]
-    turning = np.cross(rates, np.cross(rates, np.broadcast_to(place, rates.shape), axis=0), axis=0)
-    swinging = np.cross(acceleration, np.broadcast_to(place, rates.shape), axis=0)
-    return np.asarray(loads.force / mass_kg + swinging + turning, dtype=np.float64)
+    places = place_columns(rates, acceleration)
+    moved = sum((values.get(name, 0.0) * column for name, column in places.items()), start=np.zeros(rates.shape))
+    return np.asarray(loads.force / mass_kg + moved)

@@ -19,6 +19,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.frames import earth_to_body
 from rotorid.signal.skew import CrossSpectrum, Relation, coherent_lines, cross_spectrum, time_skew
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -93,13 +94,7 @@ def to_body(history: TimeHistory, vectors: FloatArray) -> FloatArray:
     FloatArray
         Forward, right, down; shape ``(3, samples)``.
     """
-    for name, (i, j) in (("psi", (0, 1)), ("theta", (2, 0)), ("phi", (1, 2))):
-        cosine, sine = np.cos(history[name]), np.sin(history[name])
-        turned = vectors.copy()
-        turned[i] = cosine * vectors[i] + sine * vectors[j]
-        turned[j] = cosine * vectors[j] - sine * vectors[i]
-        vectors = turned
-    return vectors
+    return earth_to_body(np.stack([history[name] for name in ATTITUDE]), vectors)
 
 
 def gravity_in_body(history: TimeHistory) -> FloatArray:

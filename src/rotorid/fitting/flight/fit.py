@@ -1,0 +1,385 @@
+"""The physical model of flight fitted to records: what entered, its numbers, and where they were found.
+
+Force comes first (:mod:`rotorid.fitting.flight.force`), because thrust that is wrong spoils every moment; moments with
+the thrust held follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.record import MotorRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.flight.force import PLACE, ForceRows, Products, force_rows, solved, squares, through_sensor, total
+from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, velocity_class
+from rotorid.models.flight import (
+    Airframe,
+    HoverThrust,
+    felt,
+    flight_loads,
+    hover_thrust,
+)
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+_CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 25))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightChoices(Immutable):
+    """What is decided before a fit.
+
+    Parameters
+    ----------
+    values
+        Numbers that are known, which are held.
+    terms
+        Coefficients beyond those of every fit that may enter; ``None``: all of the ladder, as far as data carry them.
+    velocity
+        How the velocity is had; ``None``: the best way that all records allow.
+    wind
+        Whether each record has a wind of its own; ``None``: where the velocity was measured and the attitude too.
+    cutoff_hz
+        Of the accelerometers' filter; ``None``: found from the data, where no taps are known.
+    skews_s
+        By which the stamps of the motors of each record are earlier than those of the gyros; none by default.
+    least_gain
+        Share by which a term has to lower the error of data that were not fitted.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    terms: tuple[str, ...] | None = None
+    velocity: VelocityClass | None = None
+    wind: bool | None = None
+    cutoff_hz: float | None = None
+    skews_s: tuple[float, ...] = ()
+    least_gain: float = 0.01
+
+    def __post_init__(self) -> None:
+        self._set(values=self.values)
+
+
+class Rung(NamedTuple):
+    """One step of the ladder: terms that were tried together.
+
+    Parameters
+    ----------
+    terms
+        Their names.
+    before, after
+        Root mean square of the error of force, N, on data that were not fitted, without and with them.
+    entered
+        Whether they were kept.
+    why
+        Why not, in a few words; empty where they were.
+    """
+
+    terms: tuple[str, ...]
+    before: float
+    after: float
+    entered: bool
+    why: str = ""
+
+
+class Octave(NamedTuple):
+    """How far the motors explain one axis in one octave.
+
+    Parameters
+    ----------
+    axis
+        ``p``, ``q`` or ``r``.
+    low_hz, high_hz
+        The octave.
+    correlation
+        Of measured with predicted, on thirds that were not fitted.
+    kept
+        Whether it belongs to the band that the vehicle's torque is fitted in.
+    """
+
+    axis: str
+    low_hz: float
+    high_hz: float
+    correlation: float
+    kept: bool
+
+
+class FlightRange(NamedTuple):
+    """What the records covered: least and largest, the outermost half percent of samples left out on either side.
+
+    Parameters
+    ----------
+    edge
+        Edgewise airspeed of the body, m/s.
+    climb
+        Through the air along the rotors' axis, m/s.
+    speed
+        Of the rotors, rad/s or shares.
+    load
+        Specific force along the rotors' axis over g.
+    """
+
+    edge: tuple[float, float]
+    climb: tuple[float, float]
+    speed: tuple[float, float]
+    load: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightErrors(Immutable):
+    """How well the numbers are known.
+
+    Parameters
+    ----------
+    names
+        In the order of rows and columns.
+    covariance
+        Of everything: of an unseen flight of the same vehicle, shape ``(p, p)``.
+    random
+        Of what noise and gusts do within the flights alone, shape ``(p, p)``.
+    how
+        Where the scatter between flights comes from: ``flights`` or ``assumed``.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    random: FloatArray
+    how: str
+
+    def __post_init__(self) -> None:
+        self._set(
+            covariance=read_only(self.covariance, np.float64, ndim=2), random=read_only(self.random, np.float64, ndim=2)
+        )
+
+    def std(self, name: str) -> float:
+        """One standard deviation of a number, the scatter between flights included."""
+        place = self.names.index(name)
+        return float(np.sqrt(self.covariance[place, place]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightFit(Immutable):
+    """The physical model of flight with its numbers.
+
+    Parameters
+    ----------
+    airframe
+        What was known of the vehicle.
+    records
+        Names of the records, in the order of everything that there is one of for each.
+    values
+        Parameter to value, those of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`, held ones included.
+    free
+        Those that were fitted.
+    entered
+        Terms that the ladder added.
+    ladder
+        What was tried.
+    velocity
+        How the velocity was had.
+    missing
+        Terms that these records cannot show at all, and why, term to reason.
+    winds, wind_stds
+        Of each record, toward north and east, m/s, shape ``(records, 2)``; not finite where none was fitted.
+    skews_s
+        By which the stamps of the motors are earlier than those of the gyros, shape ``(records,)``.
+    cutoff_hz
+        Of the low-pass that stands for the accelerometers' filter; ``None`` where taps are known or none was found.
+    force_rms_n
+        Error of force of each record, root mean square of the length of the vector, shape ``(records,)``.
+    force_axes_n
+        The same axis by axis, shape ``(records, 3)``.
+    tested
+        What the records covered.
+    hover
+        Thrust and slope in hover, which do not trade as coefficients do.
+    errors
+        How well the numbers are known; ``None`` where that was not worked out.
+    octaves
+        How far the motors explain each axis by octave.
+    moment_rms_nm
+        Error of moment of each record, shape ``(records,)``; empty where moments were not fitted.
+    predictor
+        Numbers that predict this closed loop best, and are not the vehicle's; empty where they were not asked for.
+    """
+
+    airframe: Airframe
+    records: tuple[str, ...]
+    values: Mapping[str, float]
+    free: tuple[str, ...]
+    entered: tuple[str, ...]
+    ladder: tuple[Rung, ...]
+    velocity: VelocityClass
+    missing: Mapping[str, str]
+    winds: FloatArray
+    wind_stds: FloatArray
+    skews_s: FloatArray
+    cutoff_hz: float | None
+    force_rms_n: FloatArray
+    force_axes_n: FloatArray
+    tested: FlightRange
+    hover: HoverThrust
+    errors: FlightErrors | None = None
+    octaves: tuple[Octave, ...] = ()
+    moment_rms_nm: FloatArray = field(default_factory=lambda: np.zeros(0))
+    predictor: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        vectors = {name: read_only(getattr(self, name), np.float64, ndim=1) for name in _VECTORS}
+        tables = {name: read_only(getattr(self, name), np.float64, ndim=2) for name in _TABLES}
+        self._set(values=self.values, missing=self.missing, predictor=self.predictor, **vectors, **tables)
+
+
+_VECTORS = ("skews_s", "force_rms_n", "moment_rms_nm")
+_TABLES = ("winds", "wind_stds", "force_axes_n")
+
+
+def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightChoices | None = None) -> FlightFit:
+    """Fit the physical model of flight.
+
+    Parameters
+    ----------
+    records
+        Flights of one vehicle, with specific force along all axes.
+    airframe
+        What is known of it.
+    choices
+        What is decided before; by default nothing.
+
+    Raises
+    ------
+    UsageError
+        Records and airframe have different numbers of rotors, or there is no record.
+    InsufficientDataError
+        A record has no specific force along all axes.
+    """
+    choices = choices or FlightChoices()
+    records = tuple(records)
+    _check(records, airframe)
+    kind = choices.velocity or _least(records)
+    skews = np.array(choices.skews_s or np.zeros(len(records)))
+    names = (*(("c_2", "c_lambda", "k_d") if kind != "none" else ("c_2",)), *PLACE)
+    driven = [
+        motion(record, kind=kind, lag_s=choices.values.get("T_motor", 0.0), skew_s=float(skew))
+        for record, skew in zip(records, skews, strict=True)
+    ]
+    rows = [force_rows(record, airframe, moved, names) for record, moved in zip(records, driven, strict=True)]
+    cutoff_hz = choices.cutoff_hz or _cutoff(rows, names)
+    values = _regressed(rows, names, cutoff_hz) | dict(choices.values)
+    left = [
+        np.sqrt(
+            np.mean(
+                (airframe.mass_kg * (record.force - predicted_force(values, airframe, record, moved, cutoff_hz))) ** 2,
+                axis=1,
+            )
+        )
+        for record, moved in zip(records, driven, strict=True)
+    ]
+    return FlightFit(
+        airframe=airframe,
+        records=tuple(record.name for record in records),
+        values=values,
+        free=tuple(name for name in names if name not in choices.values),
+        entered=(),
+        ladder=(),
+        velocity=kind,
+        missing={},
+        winds=np.full((len(records), 2), np.nan),
+        wind_stds=np.full((len(records), 2), np.nan),
+        skews_s=skews,
+        cutoff_hz=cutoff_hz,
+        force_rms_n=np.array([np.sqrt((axes**2).sum()) for axes in left]),
+        force_axes_n=np.array(left),
+        tested=covered(records, driven),
+        hover=hover_thrust(values, airframe),
+    )
+
+
+def predicted_force(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    record: MotorRecord,
+    driven: Motion,
+    cutoff_hz: float | None = None,
+) -> FloatArray:
+    """Specific force that the model predicts behind the accelerometer's filter, m/s², shape ``(3, n)``.
+
+    Parameters
+    ----------
+    values
+        Of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`.
+    record
+        For the filter of its accelerometer.
+    driven
+        What drives the model, of :func:`rotorid.fitting.flight.motion.motion`.
+    cutoff_hz
+        Of :attr:`FlightFit.cutoff_hz`.
+    """
+    loads = flight_loads(
+        values,
+        airframe,
+        speeds=driven.speeds,
+        velocity=driven.velocity,
+        rates=driven.rates,
+    )
+    force = felt(loads, values, airframe.mass_kg, driven.rates, driven.acceleration)
+    return through_sensor(force, record, cutoff_hz)
+
+
+def covered(records: Sequence[MotorRecord], driven: Sequence[Motion]) -> FlightRange:
+    """What records covered."""
+    edge, climb = (
+        np.concatenate([np.hypot(moved.velocity[0], moved.velocity[1]) for moved in driven]),
+        np.concatenate([-moved.velocity[2] for moved in driven]),
+    )
+    speed = np.concatenate([moved.speeds.ravel() for moved in driven])
+    load = np.concatenate([-record.force[2] for record in records]) / STANDARD_GRAVITY_M_S2
+
+    def span(values: FloatArray) -> tuple[float, float]:
+        low, high = np.quantile(values, (0.005, 0.995))
+        return float(low), float(high)
+
+    return FlightRange(span(edge), span(climb), span(speed), span(load))
+
+
+def _check(records: Sequence[MotorRecord], airframe: Airframe) -> None:
+    if not records:
+        raise UsageError("no records were given", needed="at least one")
+    for record in records:
+        if record.outputs.shape[0] != airframe.rotors:
+            raise UsageError(
+                f"{record.name} has {record.outputs.shape[0]} motors", needed=f"{airframe.rotors}, as in the layout"
+            )
+        if not record.force.shape[1]:
+            raise InsufficientDataError(f"{record.name} holds no specific force", needed="three accelerometers")
+
+
+def _least(records: Sequence[MotorRecord]) -> VelocityClass:
+    """The best way to have the velocity that all records allow."""
+    kinds = {velocity_class(record) for record in records}
+    order: tuple[VelocityClass, ...] = ("none", "attitude", "measured")
+    return next(kind for kind in order if kind in kinds)
+
+
+def _total(rows: Sequence[ForceRows], cutoff_hz: float | None, names: Sequence[str]) -> Products:
+    return total([row.products(cutoff_hz, names) for row in rows])
+
+
+def _regressed(rows: Sequence[ForceRows], names: Sequence[str], cutoff_hz: float | None) -> dict[str, float]:
+    return solved(_total(rows, cutoff_hz, names), names, np.ones(3))
+
+
+def _cutoff(rows: Sequence[ForceRows], names: Sequence[str]) -> float | None:
+    """The cut-off of the accelerometers' filter with the least error; ``None`` where none lowers it."""
+    if all(row.record.accel_taps.size > 1 for row in rows):
+        return None
+    found: list[tuple[float, float | None]] = []
+    for cutoff_hz in (*_CUTOFFS_HZ, None):
+        products = _total(rows, cutoff_hz, names)
+        values = np.array(list(solved(products, names, np.ones(3)).values()))
+        found.append((float(squares(products, values).sum()), cutoff_hz))
+    return min(found, key=lambda item: item[0])[1]
