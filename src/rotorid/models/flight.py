@@ -17,11 +17,15 @@ Momentum theory (Glauert) gives the induced velocity, and with it the inflow :ma
     F = \sum (H_i, -T_i) + d_z w |V| \hat z, \qquad
     f = F / m + \dot\omega \times a + \omega \times (\omega \times a)
 
-    M = \sum r_i \times (H_i, -T_i) + m_f \sum \lambda_i (\hat z \times V_i) + m_s \sum s_i \Omega_i (u_i, v_i)
-        + N \hat z + (y_{cg}, -x_{cg}, 0) \sum T_i
+    M = \sum r_i \times (H_i, -T_i) + m_f \sum \Omega_i v_{ind} \frac{\hat z \times V_i}{|\lambda_i| + L_i}
+        + m_s \sum s_i \Omega_i (u_i, v_i) + N \hat z + (y_{cg}, -x_{cg}, 0) \sum T_i
 
     N = \sum s_i (\kappa T_{i,static} + \kappa_\lambda \lambda_i^2 + J_r \dot\Omega_i) - k_r r \sum \Omega_i, \qquad
     I \dot\omega + \omega \times I \omega = M
+
+with :math:`L_i = \sqrt{h_i^2 + \lambda_i^2}`. The wake of a rotor that moves edgewise is skewed by :math:`\chi`, so
+that the induced velocity grows from front to rear by :math:`v_{ind} \tan(\chi / 2)`,
+:math:`\tan(\chi / 2) = h_i / (|\lambda_i| + L_i)` (Coleman): the front lifts more, which tilts the vehicle back.
 
 Axes are front, right, down; thrust :math:`T_i` is upward, and :math:`s_i` is +1 where a rotor turns the nose right.
 Every force is linear in its coefficient once the inflow is known, and the inflow needs only a thrust that is about
@@ -32,8 +36,9 @@ Where motors are known by outputs instead of speeds, :math:`\Omega` is the share
 ``c_2`` here is thrust without inflow. What ``physical.motors`` calls by that name is thrust in hover, where the induced
 velocity takes a quarter: :math:`c_2 - c_\lambda v_{ind} / \Omega` (:func:`hover_thrust`).
 
-Sources: Glauert, momentum theory of a rotor in oblique flow; Bauersfeld, Kaufmann, Foehn, Sun and Scaramuzza,
-NeuroBEM, on what is left when rotors are modeled by blade elements.
+Sources: Glauert, momentum theory of a rotor in oblique flow; Coleman, Feingold and Stempin, "Evaluation of the
+induced-velocity field of an idealized helicopter rotor", NACA ARR L5E10, 1945; Bauersfeld, Kaufmann, Foehn, Sun and
+Scaramuzza, NeuroBEM, on what is left when rotors are modeled by blade elements.
 """
 
 from __future__ import annotations
@@ -51,6 +56,7 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 AIR_DENSITY_KG_M3 = 1.225
 _NEWTON_STEPS = 12
+_STILL_M_S = 1e-6
 _LEAST_SLOPE = 0.3
 """Least slope of the Newton steps: in the vortex ring state momentum theory has none that leads anywhere."""
 
@@ -100,7 +106,7 @@ FLIGHT_PARAMETERS: Mapping[str, FlightParameter] = {
     "I_zz": FlightParameter("kg m^2", "inertia of yaw", 0.07),
     "kappa": FlightParameter("m", "torque by thrust", 0.12),
     "J_r": FlightParameter("kg m^2", "inertia of a rotor", 0.35),
-    "m_f": FlightParameter("N s^2/m", "flapping: moment that tilts back", 0.06, 1),
+    "m_f": FlightParameter("N s^2/rad", "hub moment of uneven inflow, tilts back", 0.06, 1),
     "m_s": FlightParameter("N s^2/rad", "flapping to the side of the rotor's turn", None, 4),
     "kappa_lambda": FlightParameter("N s^2/m", "torque by inflow squared", None, 4),
     "k_r": FlightParameter("N m s^2/rad^2", "yaw damping by the speed of the rotors", None, 4),
@@ -292,7 +298,7 @@ def flight_columns(
             moment = np.zeros_like(force)
         elif name in HUB_TERMS:
             turns: dict[str, Callable[[], tuple[FloatArray, ...]]] = {
-                "m_f": lambda: (-air.inflow * air.right, air.inflow * air.forward, 0.0 * speeds),
+                "m_f": lambda: _tilting_back(speeds, air),
                 "m_s": lambda: (spins * speeds * air.forward, spins * speeds * air.right, 0.0 * speeds),
                 "kappa_lambda": lambda: (0.0 * speeds, 0.0 * speeds, spins * air.inflow**2),
                 "k_r": lambda: (0.0 * speeds, 0.0 * speeds, -rates[2] * speeds),
@@ -304,6 +310,13 @@ def flight_columns(
             )
         found[name] = Columns(force, moment)
     return found
+
+
+def _tilting_back(speeds: FloatArray, air: Air) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Speed times the gradient of induced velocity over a disc in a skewed wake, as moments about the three axes."""
+    through = np.abs(air.inflow)
+    gradient = speeds * (air.inflow - air.climb) / (through + np.hypot(air.edge, through) + _STILL_M_S)
+    return -gradient * air.right, gradient * air.forward, 0.0 * speeds
 
 
 def static_thrust(values: Mapping[str, float], speeds: FloatArray) -> FloatArray:
