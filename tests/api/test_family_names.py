@@ -32,7 +32,8 @@ ALLOWED: dict[str, tuple[int, str]] = {
 """File to how many comparisons it holds, and why."""
 
 _NAMES = frozenset(
-    {*RATE_AXES, *RESPONSE_MODELS, *model_names(), *nonlinear_model_names(), "physical.motors", "black_box:auto"}
+    {*RATE_AXES, *RESPONSE_MODELS, *model_names(), *nonlinear_model_names()}
+    | {"physical.motors", "physical.flight", "black_box:auto"}
 )
 _PREFIXES = tuple({f"{name.partition('.')[0]}." for name in _NAMES if "." in name})
 _MADE = ("black_box:", "transfer:")

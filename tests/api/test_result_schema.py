@@ -21,6 +21,7 @@ NAMES = {
             "search",
             "bootstrap",
             "motors",
+            "flight",
             "derived",
             "controller",
             "verdict",

@@ -243,7 +243,7 @@ def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
 
 def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
     """The vehicle of an identified model; ``None`` for one that is not of ``physical.motors``."""
-    if model.motors is None:
+    if model.motors is None or model.flight is not None:
         return None
     parameters = {name: asdict(estimate) for name, estimate in model.parameters.items()}
     return known_motors({"parameters": parameters, "motors": asdict(model.motors)})

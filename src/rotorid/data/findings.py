@@ -218,6 +218,14 @@ KINDS: Mapping[str, Kind] = {
         "Roll and pitch share a gain",
         "Roll and pitch share one angle gain; this names the value used for both and the reason.",
     ),
+    "assumed_disc": Kind(
+        "info", "Rotor diameter assumed", "The diameter of the rotors was assumed; inflow depends on it."
+    ),
+    "assumed_scatter": Kind(
+        "info",
+        "Usual scatter assumed",
+        "One flight does not show how numbers scatter between flights, so that their usual scatter was assumed.",
+    ),
     "assumed_geometry": Kind("info", "Motor layout assumed", "The order or the positions of the motors were assumed."),
     "battery_sag": Kind(
         "info",
@@ -370,6 +378,11 @@ KINDS: Mapping[str, Kind] = {
     "fitted_in_pieces": Kind("info", "Fitted in pieces", "Records were cut into pieces because the model is unstable."),
     "flat_bandwidth": Kind(
         "info", "Bandwidth of little meaning", "The response is flat near −3 dB, so its bandwidth means little."
+    ),
+    "flight_terms_missing": Kind(
+        "info",
+        "Terms not shown by the flight",
+        "The flights do not show these terms of the model, for the reason given.",
     ),
     "flown_in_pieces": Kind(
         "info",
@@ -665,6 +678,11 @@ KINDS: Mapping[str, Kind] = {
         "The model misses a response by far more than its errors or the other responses.",
     ),
     "sweep_ended_early": Kind("warning", "Sweep ended early", "A sweep ended before its last frequency."),
+    "torque_band": Kind(
+        "info",
+        "Torque from some octaves",
+        "The motors explain this axis in some octaves alone, where its inertia was identified.",
+    ),
     "tie_contradicted": Kind(
         "warning",
         "Assumption contradicted by data",
@@ -701,6 +719,11 @@ KINDS: Mapping[str, Kind] = {
     "unused_choice": Kind("warning", "Unused option", "An option had no effect."),
     "vibration_filtered": Kind(
         "info", "Vibration filtered out", "Vibration was filtered out of measured and predicted outputs alike."
+    ),
+    "velocity_from_attitude": Kind(
+        "info",
+        "Velocity not logged",
+        "The velocity was integrated from attitude and accelerometer, or was not known at all.",
     ),
     "voltage_exponent": Kind(
         "info", "Thrust over voltage", "Thrust follows the battery voltage by this power; the model assumes the square."

@@ -28,7 +28,7 @@ class SupportDocument(Document):
     remedy: str = ""
     instrument: str | None = None
     needs: list[NeedDocument] = Field(default_factory=list)
-    by: Literal["", "excitation", "ordinary flight", "motors", "motor speeds"] = ""
+    by: Literal["", "excitation", "ordinary flight", "motors", "flight", "motor speeds"] = ""
 
 
 class ChannelDocument(Document):

@@ -38,6 +38,7 @@ from rotorid.results.summary import (
     Fit,
     FitEnd,
     FitVerdict,
+    FlightPhysics,
     Information,
     MethodName,
     Minimum,
@@ -120,6 +121,7 @@ class ResultDocument(Document):
     cross_validation: CrossValidationSummary | None = None
     identifiability: list[UnseenCombination] = Field(default_factory=list)
     motors: MotorPhysics | None = None
+    flight: FlightPhysics | None = None
     derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
@@ -164,6 +166,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         cross_validation=model.cross_validation,
         identifiability=list(model.combinations),
         motors=model.motors,
+        flight=model.flight,
         derived=model.derived,
         controller=model.controller,
         findings=[FindingDocument.model_validate(finding) for finding in model.findings],
@@ -344,6 +347,7 @@ def identified_model(
         covered=document.covered,
         combinations=tuple(document.identifiability),
         motors=document.motors,
+        flight=document.flight,
         nonlinear=nonlinear,
         derived=document.derived,
         controller=document.controller,

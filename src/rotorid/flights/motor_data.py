@@ -9,16 +9,16 @@ voltage (:func:`common_voltage`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from rotorid.autopilots.advice import logging_advice
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.registry import autopilot_of
-from rotorid.data.axes import RATES
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
@@ -35,7 +35,7 @@ from rotorid.settings.motors import MotorSettings, chosen_layout
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
-from rotorid.signal.kinematics import ingredients
+from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES, ingredients
 from rotorid.signal.motors import Kind, MotorHistory, linearization_of, motor_history, voltage_factor, with_motors
 from rotorid.typing import Axis, FloatArray
 
@@ -96,8 +96,41 @@ def _without_copies(history: MotorHistory) -> MotorHistory:
     return replace(kept, findings=(*history.findings, remark))
 
 
+class Channels(NamedTuple):
+    """What of a flight goes on one clock with its motors.
+
+    Parameters
+    ----------
+    measured
+        Channels of the sensors, the slowest of which sets the clock.
+    follow
+        Others that come onto it.
+    wanted
+        What is made of them.
+    """
+
+    measured: tuple[str, ...]
+    follow: tuple[str, ...]
+    wanted: tuple[str, ...]
+
+
+ChannelsOf: TypeAlias = Callable[[FlightRecord, Maneuver], Channels]
+
+
+def motor_channels_of(record: FlightRecord, stretch: Maneuver) -> Channels:  # noqa: ARG001 - as all that choose
+    """Rates and the force along the rotors, with the velocity along them where it is known."""
+    followers = ingredients("w", record.channel_names)
+    moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
+    wanted = ("w",) if "w" in record.channel_names else followers
+    return Channels(_MEASURED, wanted if moving else (), (*_MEASURED, "w") if moving else _MEASURED)
+
+
 def on_one_clock(
-    record: FlightRecord, motors: Motors, stretch: Maneuver, reference_v: float | None
+    record: FlightRecord,
+    motors: Motors,
+    stretch: Maneuver,
+    reference_v: float | None,
+    channels_of: ChannelsOf = motor_channels_of,
 ) -> tuple[list[MotorFlight], list[Finding]]:
     """A stretch on the clock of its rates, in pieces where the log has gaps; pieces of a moment are left out.
 
@@ -105,17 +138,17 @@ def on_one_clock(
     ----------
     reference_v
         Voltage at which thrust is given; ``None`` where it does not matter.
+    channels_of
+        What of the flight is wanted.
     """
     history = motors.history
     start_s = max(stretch.start_s, float(history.time_s[0]), record.start_s)
     stop_s = min(stretch.stop_s, float(history.time_s[-1]), record.stop_s)
-    followers = ingredients("w", record.channel_names)
-    moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
-    wanted = ("w",) if "w" in record.channel_names else followers
+    channels = channels_of(record, stretch)
     found = resample(
         with_motors(record, history),
-        channels=_MEASURED,
-        auxiliary=wanted if moving else (),
+        channels=channels.measured,
+        auxiliary=channels.follow,
         start_s=start_s,
         stop_s=stop_s,
     )
@@ -124,7 +157,7 @@ def on_one_clock(
     for part in found.histories:
         if part.time_s.size < LEAST_SAMPLES:
             continue
-        item = built(part, (*_MEASURED, "w")) if moving else part
+        item = built(part, channels.wanted)
         strength = np.ones(item.time_s.size)
         if reference_v is not None:
             strength = voltage_factor(record, item.time_s, reference_v=reference_v).values
@@ -134,6 +167,7 @@ def on_one_clock(
 
 
 def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: FloatArray) -> MotorRecord:
+    rows = {"force": ACCELERATIONS, "velocity": VELOCITIES, "attitude": ATTITUDE}
     return MotorRecord(
         name=record.source.name,
         sample_rate_hz=part.sample_rate_hz,
@@ -146,6 +180,7 @@ def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: F
         accel_taps=_taps(record, part, "az"),
         start_s=part.start_s,
         between="lines" if motors.history.kind == "speed" else "held",
+        **{name: np.stack([part[row] for row in of]) for name, of in rows.items() if {*of} <= {*part.names}},
     )
 
 
@@ -321,12 +356,31 @@ class MotorData(NamedTuple):
         return self.stretches[0].kind
 
 
+Stretches: TypeAlias = tuple[list[Maneuver], list[Finding]]
+
+
+class Reading(NamedTuple):
+    """What of the logs is used.
+
+    Parameters
+    ----------
+    stretches
+        Stretches of a log, with remarks on them.
+    channels
+        Channels of a stretch that go on one clock with the motors.
+    """
+
+    stretches: Callable[[FlightRecord, MotorSettings], Stretches]
+    channels: ChannelsOf
+
+
 def motor_data(
     records: Sequence[FlightRecord],
     choices: MotorSettings,
     *,
     reference_v: float | None = None,
     layout: RotorLayout | None = None,
+    reading: Reading | None = None,
 ) -> MotorData:
     """Motors, rates and specific force of every log on one clock.
 
@@ -340,6 +394,8 @@ def motor_data(
         Voltage at which thrust is given; the median of all stretches by default.
     layout
         The rotors, where they are known from elsewhere; by default those of the choices, or of the logs.
+    reading
+        What of the logs is used; excitations, with rates and the force along the rotors, by default.
 
     Raises
     ------
@@ -348,6 +404,7 @@ def motor_data(
     UsageError
         Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
+    stretches_of, channels_of = reading or Reading(_stretches, motor_channels_of)
     each_once(records)
     require_inside(records, choices.segments)
     differentiated: list[Finding] = []
@@ -358,7 +415,7 @@ def motor_data(
     # A vehicle that never flew is refused for that, before its rotors are asked for.
     has_motors = [not {"motor_1", "motor_speed_1"}.isdisjoint(record.channel_names) for record in records]
     flown_in = [
-        _stretches(record, choices) if there else None for record, there in zip(records, has_motors, strict=True)
+        stretches_of(record, choices) if there else None for record, there in zip(records, has_motors, strict=True)
     ]
     layout = layout or rotors_of(records, choices)
     findings: list[Finding] = [*layout.findings, *differentiated]
@@ -373,7 +430,7 @@ def motor_data(
                 needed="the layout of the vehicle that flew",
                 remedy="name it with --layout",
             )
-        stretches, remarks = known or _stretches(record, choices)
+        stretches, remarks = known or stretches_of(record, choices)
         ordered = require_order(rotor_order(record, layout), record.source.name)
         findings += [*motors.history.findings, *ordered, *remarks]
         flown += [FlownMotors(record, motors, stretch) for stretch in stretches]
@@ -382,7 +439,7 @@ def motor_data(
     flights: list[MotorFlight] = []
     for item in flown:
         _PROGRESS.info(f"{item.record.source.name}: {item.stretch.start_s:.1f} to {item.stretch.stop_s:.1f} s")
-        found, remarks = on_one_clock(item.record, item.motors, item.stretch, voltage.reference_v)
+        found, remarks = on_one_clock(item.record, item.motors, item.stretch, voltage.reference_v, channels_of)
         flights += found
         findings += remarks
     _require_one_kind(flights, records)
@@ -435,11 +492,16 @@ def rotors_of(records: Sequence[FlightRecord], choices: MotorSettings) -> RotorL
     return first.scaled(choices.arm_m) if choices.arm_m else first
 
 
-def _stretches(record: FlightRecord, choices: MotorSettings) -> tuple[list[Maneuver], list[Finding]]:
+def given_stretches(record: FlightRecord, choices: MotorSettings) -> list[Maneuver]:
+    """Segments that were given for a log."""
+    given = (Flight(record, maneuver) for maneuver in choices.segments)
+    return [described(maneuver).maneuver for maneuver in given if maneuver.inside]
+
+
+def _stretches(record: FlightRecord, choices: MotorSettings) -> Stretches:
     """The given segments; else excitations, joined if consecutive; else the flight."""
     if choices.segments:
-        given = (Flight(record, maneuver) for maneuver in choices.segments)
-        return [described(maneuver).maneuver for maneuver in given if maneuver.inside], []
+        return given_stretches(record, choices), []
     moved = [maneuver for axis in _AXES for maneuver in find_excitations(record, axis) if maneuver.kind in _TELLING]
     if moved:
         flown, remarks = while_flying([Flight(record, maneuver) for maneuver in _joined(moved)])

@@ -15,15 +15,17 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 from rotorid.autopilots.advice import absence, flying_advice, logging_advice, motor_advice
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
-from rotorid.flights.flights import Flight, never_flew
+from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
 from rotorid.models.library import RATE_AXES, library_model
 from rotorid.settings.identifying import IdentifySettings
@@ -35,12 +37,16 @@ from rotorid.signal.excitations import (
     rich_excitations,
     single_frequency,
 )
+from rotorid.signal.kinematics import ACCELERATIONS, EARTH_VELOCITIES, VELOCITIES
 from rotorid.signal.motors import MotorHistory, logged_outputs, logged_speeds, or_none
 from rotorid.spectral.windows import excited_to_rad_s
 from rotorid.typing import Axis
 
 SHORTEST_ORDINARY_S = 20.0
 """Less ordinary flight has too few stick movements to average over."""
+
+SHORTEST_FLIGHT_S = 10.0
+"""Less than this in the air shows no physics of flight."""
 
 END_FIRST = "end the oscillation first"
 """Remedy for a flight that shows the limits of its motors."""
@@ -51,7 +57,7 @@ _WHOLE_HZ, _WHOLE_RAD_S = 100.0, 2.0
 
 _LISTED = 4
 
-By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors", "motor speeds"]
+By: TypeAlias = Literal["", "excitation", "ordinary flight", "motors", "flight", "motor speeds"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,9 +90,8 @@ class Support(Immutable):
     instrument
         Channel free of feedback that a joint estimate would use.
     by
-        What it would be identified from: an ``excitation``, an ``ordinary flight``, the ``motors`` or their
-        ``motor speeds``; empty where it
-        cannot.
+        What it would be identified from: an ``excitation``, an ``ordinary flight``, the ``motors``, a ``flight``
+        through the air with them, or their ``motor speeds``; empty where it cannot.
     lacks
         Kind of the finding that says why it cannot; empty where it can.
     numbers
@@ -121,16 +126,24 @@ def supported_models(records: Sequence[FlightRecord], settings: IdentifySettings
     """Names of the models that logs may support: what fits them may still be refused.
 
     Rate models of axes that were excited on purpose or, failing that, flown at all; hover models where all their axes
-    were excited on purpose; ``physical.motors`` where motors are logged.
+    were excited on purpose; ``physical.motors`` where motors are logged, and ``physical.flight`` where their vehicle
+    moved through the air besides.
 
     Parameters
     ----------
     settings
-        Choices of the run: an axis of a given segment counts as excited.
+        Choices of the run: an axis of a given segment counts as excited, and a vehicle whose arm or layout is given
+        has a size.
     """
     given = {segment.axis for segment in settings.segments} if settings else set()
+    sized = settings is not None and (settings.arm_m or settings.layout) is not None
     each = [supports(record) for record in records]
-    possible = {name for found in each for name, support in found.items() if support.possible}
+    possible = {
+        name
+        for found in each
+        for name, support in found.items()
+        if support.possible or (sized and support.lacks == _NO_SIZE)
+    }
     excited = given | {
         axis for axis in RATE_AXIS.values() if any(_usable_excitations(record, axis) for record in records)
     }
@@ -556,6 +569,92 @@ def _motor_support(record: FlightRecord, model: str) -> Support:  # noqa: ARG001
     return Support(possible=True, because=because, needs=needs, by="motors")
 
 
+def _flight_support(record: FlightRecord, model: str) -> Support | None:  # noqa: ARG001 - as all that look
+    """Whether a log may support the physics of flight; ``None`` where a log without motors would be asked for them."""
+    motors = or_none(logged_speeds, record) or or_none(logged_outputs, record)
+    if motors is None:
+        return None
+    stretch = _longest_flight(record)
+    flown_s = stretch.duration_s if stretch else 0.0
+    sensors_hz = min(record.rate_hz(name) for name in (*RATES, *ACCELERATIONS))
+    moved, enough = ("none", False) if stretch is None else _motion_words(Flight(record, stretch))
+    sized = _sized(record)
+    needs = (
+        Need(
+            need=f"motors at {LOWEST_RATE_HZ:.0f} Hz or more",
+            there=motors.sample_rate_hz >= LOWEST_RATE_HZ,
+            found=_logged_at(motors),
+        ),
+        Need(
+            need=f"gyro and accelerometer of three axes at {LOWEST_RATE_HZ:.0f} Hz or more",
+            there=sensors_hz >= LOWEST_RATE_HZ,
+            found=f"{sensors_hz:.0f} Hz" if sensors_hz else "not logged",
+        ),
+        Need(
+            need=f"{SHORTEST_FLIGHT_S:.0f} s in the air",
+            there=flown_s >= SHORTEST_FLIGHT_S,
+            found=f"{flown_s:.0f} s",
+        ),
+        Need(need="motion through the air", there=enough, found=moved),
+        Need(need="the size of the vehicle", there=sized, found="known" if sized else "not in the log"),
+    )
+    if refused := _no_vehicle(record) or _limited(record):
+        return replace(refused, needs=refused.needs or needs)
+    missing = next((number for number, need in enumerate(needs) if not need.there), None)
+    if missing is None:
+        because = f"motors at {motors.sample_rate_hz:.0f} Hz, {moved} in {flown_s:.0f} s of flight"
+        return Support(possible=True, because=because, needs=needs, by="flight")
+    lacks, remedy = (
+        ("rate_too_low", logging_advice(record, motors.sample_rate_hz)),
+        ("rate_too_low" if sensors_hz else "missing_channel", logging_advice(record, sensors_hz, ACCELERATIONS)),
+        ("no_excitation", "fly longer"),
+        ("no_excitation", "fly figures at several speeds and heights"),
+        (_NO_SIZE, "measure from the center of gravity to the farthest rotor and add --arm METERS to rotorid identify"),
+    )[missing]
+    because = f"physical.flight needs {needs[missing].need}: {needs[missing].found}"
+    return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks=lacks)
+
+
+_NO_SIZE = "not_identifiable"
+"""What a vehicle lacks whose size nobody knows."""
+
+_MOVED_M_S, _TILTED_RAD, _FELT_M_S2 = 1.0, 0.1, 1.0
+"""Standard deviations of horizontal velocity, tilt, or force along the rotors from which a flight shows the air."""
+
+
+def _longest_flight(record: FlightRecord) -> Maneuver | None:
+    """The longest flight; the whole log where it does not show when it flew."""
+    try:
+        start_s, stop_s = longest_flight(record)
+    except InsufficientDataError:
+        return None
+    return Maneuver(axis="thrust", kind="other", start_s=start_s, stop_s=stop_s, origin="found")
+
+
+def _motion_words(flight: Flight) -> tuple[str, bool]:
+    """How far a flight moved, by the best channel that the log has, and whether that shows the air."""
+    for names, least, unit in (
+        (EARTH_VELOCITIES[:2], _MOVED_M_S, "m/s rms"),
+        (VELOCITIES[:2], _MOVED_M_S, "m/s rms"),
+        (ATTITUDE[:2], _TILTED_RAD, "rad of tilt rms"),
+        (ACCELERATIONS[2:], _FELT_M_S2, "m/s^2 rms along the rotors"),
+    ):
+        parts = [next((part.values for part in flight.samples(name) if part.values.size), None) for name in names]
+        known = [float(values.std()) for values in parts if values is not None]
+        if len(known) == len(names) and any(known):
+            moved = math.hypot(*known)
+            return f"{moved:.2g} {unit}", moved >= least
+    return "nothing logged", False
+
+
+def _sized(record: FlightRecord) -> bool:
+    """Whether the log shows how far the rotors are from the center of gravity."""
+    try:
+        return layout_of(record).arm_known
+    except RotoridError:
+        return False
+
+
 def _speed_support(record: FlightRecord, model: str) -> Support | None:  # noqa: ARG001 - as all that look
     """Whether a log holds outputs and speeds of all motors, fast enough; ``None`` without speeds."""
     speeds, outputs = or_none(logged_speeds, record), or_none(logged_outputs, record)
@@ -635,6 +734,7 @@ _LOOKS: Mapping[Needs, Callable[[FlightRecord, str], Support | None]] = {
     "axis": rate_support,
     "axes": _coupled_support,
     "motors": _motor_support,
+    "flight": _flight_support,
     "motor speeds": _speed_support,
     "single motors": _rig_support,
 }

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple, TypeAlias, get_args
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
+from rotorid.identifying.flight import Flights
 from rotorid.identifying.hover_physics import hover_of_vehicle
 from rotorid.identifying.methods import Frequency, InTime, Method
 from rotorid.identifying.motor_speed import MotorSpeeds
 from rotorid.identifying.motors import Motors
 from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
 from rotorid.models.derived import require_useful
-from rotorid.models.families import HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, family_of
+from rotorid.models.families import FLIGHT, HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, family_of
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings, MethodChoice
@@ -125,7 +126,7 @@ LINEAR = Fitting(
     choices=tuple(name for name in _ALL if name not in _OF_ROTORS),
     methods=tuple(word for word in get_args(MethodChoice) if word != "accelerations"),
     no_choice=_Refusal(
-        "{wrong} does not apply to {name}", remedy=f"leave it out, or use {MOTORS.name} or {HOVER.name}"
+        "{wrong} does not apply to {name}", remedy=f"leave it out, or use {MOTORS.name}, {FLIGHT.name} or {HOVER.name}"
     ),
     no_method=_Refusal("--method {wrong} does not apply to {name}", remedy=f"use it with {MOTORS.name}"),
 )
@@ -140,6 +141,13 @@ FITTINGS: Mapping[str, Fitting] = {
         ),
         methods=("auto", *get_args(MotorMethod)),
         only_with={"outputs": "accelerations"},
+        no_option=_NO_CHOICE,
+        check=lambda _, settings: motor_settings(settings),
+    ),
+    FLIGHT.name: Fitting(
+        method=lambda _, __, settings: Flights(settings=motor_settings(settings)),
+        choices=(*_OF_ROTORS, "fix", "segments", "seed", "method"),
+        methods=("auto", "equation_error"),
         no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),
     ),

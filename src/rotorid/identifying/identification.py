@@ -117,6 +117,7 @@ def identify_by(
             UnseenCombination(words=found.words(), vector=dict(found.vector)) for found in report.combinations
         ),
         motors=report.motors,
+        flight=report.flight,
         nonlinear=report.nonlinear,
         derived=derived,
         controller=controller_settings(records),

@@ -74,6 +74,7 @@ from rotorid.results.summary import (
     Fit,
     FitEnd,
     FitWeights,
+    FlightPhysics,
     Minimum,
     MotorPhysics,
     OrderChoice,
@@ -149,7 +150,7 @@ class FitReport(NamedTuple):
         Parameters that the data cannot separate.
     poles
         With their uncertainty.
-    delays, covered, motors, nonlinear
+    delays, covered, motors, flight, nonlinear
         As in :class:`rotorid.results.model.IdentifiedModel`.
     """
 
@@ -160,6 +161,7 @@ class FitReport(NamedTuple):
     delays: Mapping[str, DelayBudget] = {}
     covered: Mapping[str, Range] = {}
     motors: MotorPhysics | None = None
+    flight: FlightPhysics | None = None
     nonlinear: NonlinearStructure | None = None
 
 

@@ -142,7 +142,7 @@ def _record_fit(moved: Motion) -> RecordFit:
     )
 
 
-def _straightening(flights: Sequence[Flight]) -> Straightening | None:
+def straightening_of(flights: Sequence[Flight]) -> Straightening | None:
     """How the autopilot makes outputs of demands, by the first log; none that only passes them on."""
     known = linearization_of(flights[0].record) if flights else None
     if known is None or known == Linearization():
@@ -178,7 +178,7 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
         load_factor=fitted.load_factor,
         flown_outputs=(float(low), float(high)),
         scale=scale_of(known, fitted.axes),
-        straightening=_straightening(data.flights),
+        straightening=straightening_of(data.flights),
         derived=dict(fitted.derived),
         logs=fitted.logs,
         voltage=fitted.voltage,

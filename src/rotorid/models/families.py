@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError, ModelError, RotoridError, UsageError, nearest_name
 from rotorid.models.black_box import black_box, black_box_pairs
+from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.library import (
     RESPONSE_MODELS,
     library_model,
@@ -40,10 +41,10 @@ from rotorid.typing import Axis
 
 Structure: TypeAlias = LinearStructure | NonlinearStructure
 
-Needs: TypeAlias = Literal["axis", "axes", "motors", "motor speeds", "single motors"]
+Needs: TypeAlias = Literal["axis", "axes", "motors", "flight", "motor speeds", "single motors"]
 """What a log has to hold: of rate models the excitation of their axis, or a stick that moves it; of all others
-excitations of one or several axes; outputs of all motors, or with their speeds; or
-single motors that are swept.
+excitations of one or several axes; outputs of all motors, with all axes of the sensors and motion through the air, or
+with their speeds; or single motors that are swept.
 :mod:`rotorid.flights.supports` looks for each."""
 
 
@@ -284,6 +285,20 @@ MOTORS = Family(
 )
 """Accelerations by motor outputs, which is no linear structure."""
 
+FLIGHT = Family(
+    name="physical.flight",
+    listed=("physical.flight",),
+    about=lambda _: "Thrust with inflow, rotor drag, inertia and wind: one physical model from hover to fast flight.",
+    by_logs=True,
+    units={name: parameter.unit for name, parameter in FLIGHT_PARAMETERS.items()},
+    needs="flight",
+    axes={"physical.flight": ()},
+    in_all=True,
+    needs_result=True,
+    written="its linear model about hover",
+)
+"""Forces and moments by motors and air, which is no linear structure."""
+
 MOTOR_SPEED = Family(
     name=MOTOR_SPEED_NAME,
     listed=(MOTOR_SPEED_NAME,),
@@ -331,7 +346,7 @@ BLACK_BOX = Family(
 _AUTO = "black_box:auto"
 """A black box whose order the records choose; until then it is one of first order."""
 
-FAMILIES = (RATE, AIRFRAME, HOVER, RIG, RESPONSE, MOTORS, MOTOR_SPEED, LARGE_MOTION, TRANSFER, BLACK_BOX, OWN)
+FAMILIES = (RATE, AIRFRAME, HOVER, RIG, RESPONSE, MOTORS, FLIGHT, MOTOR_SPEED, LARGE_MOTION, TRANSFER, BLACK_BOX, OWN)
 """In the order of lists; the first that has a name is its family."""
 
 

@@ -535,19 +535,40 @@ def _matches_force(
         return []
     lifted = sum(float(np.sum(curve.thrust(record.outputs) * record.strength)) for record in records)
     thrust = lifted / sum(record.samples for record in records)
-    force = values["m"] * mean_force(records, values.get("Z_w", 0.0))
-    share = thrust / force if force > 0.0 else math.inf
-    if abs(share - 1.0) <= _FORCE_TOLERANCE:
+    return check_mean_force(thrust, values["m"] * mean_force(records, values.get("Z_w", 0.0)), values["m"])
+
+
+def check_mean_force(
+    thrust_n: float, force_n: float, mass_kg: float, *, tolerance: float = _FORCE_TOLERANCE
+) -> list[Finding]:
+    """Whether the mean thrust of a flight is mass times the measured mean specific force.
+
+    Parameters
+    ----------
+    thrust_n, force_n
+        Of the model, and as measured.
+    mass_kg
+        Of the vehicle.
+    tolerance
+        Share that needs no remark.
+
+    Examples
+    --------
+    >>> check_mean_force(10.0, 10.0, 1.0), check_mean_force(13.0, 10.0, 1.0)[0].kind
+    ([], 'impossible_physics')
+    """
+    share = thrust_n / force_n if force_n > 0.0 else math.inf
+    if abs(share - 1.0) <= tolerance:
         return []
     message = (
         f"The thrust curve makes {100.0 * share:.0f} % of the measured specific force on average "
-        f"({100.0 * (1.0 - _FORCE_TOLERANCE):.0f} to {100.0 * (1.0 + _FORCE_TOLERANCE):.0f} % are plausible): check "
+        f"({100.0 * (1.0 - tolerance):.0f} to {100.0 * (1.0 + tolerance):.0f} % are plausible): check "
         "the mass and the time stamps."
         if math.isfinite(share)
-        else f"The mean specific force along z is {-force / values['m']:.2g} m/s^2, but the rotors lift: check the "
+        else f"The mean specific force along z is {-force_n / mass_kg:.2g} m/s^2, but the rotors lift: check the "
         "accelerometer and its axes."
     )
-    numbers = {"thrust_per_weight": thrust / (values["m"] * STANDARD_GRAVITY_M_S2)}
+    numbers = {"thrust_per_weight": thrust_n / (mass_kg * STANDARD_GRAVITY_M_S2)}
     numbers |= {"thrust_per_force": share} if math.isfinite(share) else {}
     kind = "impossible_physics" if abs(share - 1.0) > _IMPOSSIBLE_FORCE else "implausible_physics"
     return [_remark(kind, "thrust", message, numbers)]

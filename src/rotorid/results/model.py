@@ -31,6 +31,7 @@ from rotorid.results.summary import (
     DelayBudget,
     DerivedSummary,
     Fit,
+    FlightPhysics,
     MotorPhysics,
     PairCost,
     ParameterEstimate,
@@ -210,7 +211,8 @@ class IdentifiedModel(Immutable):
     verifications
         The same with measured and predicted signals; empty in a model that was loaded.
     pole_estimates
-        Poles with their uncertainty in numbers, slowest first; none of ``physical.motors``, whose rotors have one each.
+        Poles with their uncertainty in numbers, slowest first; none of ``physical.motors`` and ``physical.flight``,
+        whose rotors have one each.
     delays
         Delays of every fitted response ``output/input``.
     covered
@@ -218,7 +220,9 @@ class IdentifiedModel(Immutable):
     combinations
         Parameters that the data cannot separate.
     motors
-        Rotors and thrust, of ``physical.motors``.
+        Rotors and thrust, of ``physical.motors`` and ``physical.flight``.
+    flight
+        Air and range, of ``physical.flight``.
     nonlinear
         The equations with their identified values, of a nonlinear model; ``structure`` is then its small motion about
         rest.
@@ -256,6 +260,7 @@ class IdentifiedModel(Immutable):
     covered: Mapping[str, Range] = field(default_factory=dict)
     combinations: tuple[UnseenCombination, ...] = ()
     motors: MotorPhysics | None = None
+    flight: FlightPhysics | None = None
     nonlinear: NonlinearStructure | None = None
     derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None

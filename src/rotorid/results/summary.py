@@ -276,7 +276,7 @@ class VoltageExponent:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MotorPhysics:
-    """Motors, rotors and thrust of a fit of ``physical.motors``.
+    """Motors, rotors and thrust of a fit of ``physical.motors`` or ``physical.flight``.
 
     ``outputs`` says what the motors are known by (``output``, ``thrust_demand`` or ``speed``), ``source`` where from.
     ``rotors`` are positions forward, right and down, in meters where ``arm_m`` is known and else in units of the arm,
@@ -287,6 +287,7 @@ class MotorPhysics:
     what the autopilot does with demands, where its log says so. ``logs`` has thrust over mass of each log where there
     are several, and ``voltage`` the power by which thrust follows the battery, where it sagged enough.
     ``load_factor`` is the measured mean specific force over gravity: one in hover, 1.16 in a circle of 30° of bank.
+    Of ``physical.flight``, ``hover_output`` is the output of hover, which that model computes, and the factor is one.
     """
 
     layout: str
@@ -309,6 +310,99 @@ class MotorPhysics:
     logs: tuple[LogThrust, ...] = ()
     voltage: VoltageExponent | None = None
     load_factor: float | None = None
+
+
+VelocityClass: TypeAlias = Literal["measured", "attitude", "none"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LadderStep:
+    """Terms of ``physical.flight`` that were tried together: error of force on unseen data without and with them, N.
+
+    ``why`` says why they were left out; empty where they entered.
+    """
+
+    terms: tuple[str, ...]
+    before_n: float
+    after_n: float
+    entered: bool
+    why: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotorOctave:
+    """How far the motors explain an axis in an octave, and whether the torque of the vehicle was fitted there."""
+
+    axis: str
+    low_hz: float
+    high_hz: float
+    correlation: float
+    fitted: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlightOfLog:
+    """What a stretch says of its air and clocks, and how well it was fitted.
+
+    ``wind_m_s`` blows toward north and east; ``null`` where none could be found. ``skew_s`` is by how much the stamps
+    of the motors are earlier than those of the gyro. Errors are root mean squares, of force along x, y, z and of the
+    length of the vector, of moment of the length.
+    """
+
+    record: str
+    start_s: float
+    stop_s: float
+    sample_rate_hz: float
+    wind_m_s: tuple[float, float] | None = None
+    wind_std_m_s: tuple[float, float] | None = None
+    skew_s: float = 0.0
+    force_rms_n: float
+    force_axes_n: tuple[float, float, float]
+    moment_rms_nm: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlightLimits:
+    """Range of the fitted flights but for half a percent at each end; beyond it the model extrapolates.
+
+    ``edge_m_s`` is the airspeed along the discs, ``climb_m_s`` along the rotors' axis, ``load`` the specific force
+    along it over gravity, ``motors`` the speed of the rotors, or their outputs.
+    """
+
+    edge_m_s: tuple[float, float]
+    climb_m_s: tuple[float, float]
+    load: tuple[float, float]
+    motors: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlightPhysics:
+    """The air of a fit of ``physical.flight``; rotors and motors are in ``motors``.
+
+    ``velocity`` says how the velocity over ground was had: ``measured``, from the ``attitude`` and the accelerometer,
+    or not at all; ``velocity_source`` where it was logged. ``disc_m2`` is the area of a rotor, which nobody gave where
+    ``disc_assumed``. ``ladder`` has the terms that were tried and ``missing`` those that these flights cannot show,
+    with the reason. ``octaves`` says where the motors explain an axis. ``hover`` has what does not trade as
+    coefficients do: thrust of a rotor by its speed squared, its slope there, the induced velocity and the speed in
+    hover. ``scatter`` says whether the spread between flights was measured (``flights``) or ``assumed``; ``null`` where
+    errors have none. ``predictor`` has numbers that predict this closed loop best: they are no properties of the
+    vehicle.
+    """
+
+    velocity: VelocityClass
+    velocity_source: str = ""
+    disc_m2: float
+    disc_assumed: bool
+    density_kg_m3: float
+    cutoff_hz: float | None = None
+    ladder: tuple[LadderStep, ...] = ()
+    missing: Mapping[str, str] = field(default_factory=dict)
+    octaves: tuple[MotorOctave, ...] = ()
+    logs: tuple[FlightOfLog, ...]
+    limits: FlightLimits
+    hover: Mapping[str, Derived]
+    scatter: Literal["flights", "assumed"] | None = None
+    predictor: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -335,7 +335,10 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
     support
         What :func:`rotorid.flights.supports.supports` answers for it.
     """
-    if not support.possible or (support.by == "excitation" and family_of(model).needs != "axes"):
+    # Preparing a flight through the air is preparing its motors once more, which is done for these.
+    if not support.possible or support.by == "flight":
+        return support
+    if support.by == "excitation" and family_of(model).needs != "axes":
         return support
     if support.by == "ordinary flight":
         flown_s = sum(part.duration_s for part in ordinary_flights(record, RATE_AXIS[model]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.findings import Finding, remark, warn
@@ -55,7 +55,7 @@ def judge_motors(
         *_ahead(identified),
         *judge_loads(identified.logs, identified.voltage),
         *_doubted(identified, choices),
-        *_unused(identified, choices),
+        *unused_choices(choices.known, identified.parameters.names),
         *_scale(identified, choices),
         *_arm(identified),
         *_yaw(identified),
@@ -156,8 +156,9 @@ def _doubted(identified: FittedMotors, choices: MotorSettings) -> Iterator[Findi
     )
 
 
-def _unused(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
-    names = [name for name in choices.known if name not in identified.parameters.names]
+def unused_choices(known: Mapping[str, float], used: Sequence[str]) -> Iterator[Finding]:
+    """Values that were given and are in no equation that was fitted."""
+    names = [name for name in known if name not in used]
     if names:
         yield warn(
             "unused_choice",
@@ -170,11 +171,16 @@ def _unused(identified: FittedMotors, choices: MotorSettings) -> Iterator[Findin
 def _scale(identified: FittedMotors, choices: MotorSettings) -> Iterator[Finding]:
     if scale_of(choices.known, identified.axes) is not None:
         return
-    yield warn(
+    yield scale_finding("thrust and inertia", ", or a thrust from a bench")
+
+
+def scale_finding(what: str, otherwise: str = "") -> Finding:
+    """That nobody weighed the vehicle, so that numbers are per kilogram."""
+    return warn(
         "not_identifiable",
         "m",
-        "Accelerations determine only ratios of mass, thrust and inertia: thrust and inertia are for a vehicle "
-        "of 1 kg and scale with its mass. Weigh it and give --fix m=KILOGRAMS, or a thrust from a bench.",
+        f"Accelerations determine only ratios of mass, thrust and inertia: {what} are for a vehicle "
+        f"of 1 kg and scale with its mass. Weigh it and give --fix m=KILOGRAMS{otherwise}.",
     )
 
 
