@@ -181,3 +181,33 @@ def body_to_earth(attitude: FloatArray, vectors: FloatArray) -> FloatArray:
         turned[j] = cosine * vectors[j] + sine * vectors[i]
         vectors = turned
     return vectors
+
+
+def quaternion_from_euler(angles: FloatArray) -> FloatArray:
+    """Attitude quaternion of yaw–pitch–roll angles, body to earth: what :func:`euler_from_quaternion` undoes.
+
+    Parameters
+    ----------
+    angles
+        Rows phi, theta, psi in rad; shape ``(3, samples)``.
+
+    Returns
+    -------
+    FloatArray
+        Rows w, x, y, z; shape ``(4, samples)``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> quaternion_from_euler(np.array([[np.pi], [0.0], [0.0]])).ravel().round(6).tolist()
+    [0.0, 1.0, 0.0, 0.0]
+    """
+    (cr, cp, cy), (sr, sp, sy) = np.cos(0.5 * angles), np.sin(0.5 * angles)
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ]
+    )

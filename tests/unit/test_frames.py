@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.frames import BodyFrame, WorldFrame, euler_from_quaternion, signed_angles, signed_axes
+from rotorid.frames import (
+    BodyFrame,
+    WorldFrame,
+    euler_from_quaternion,
+    quaternion_from_euler,
+    signed_angles,
+    signed_axes,
+)
 from rotorid.typing import FloatArray
 
 # Columns: the axes of the frame, written in FRD or NED.
@@ -61,3 +68,11 @@ def test_euler_angles_of_a_quaternion_build_its_matrix() -> None:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
         np.testing.assert_allclose(rotation(*angles), matrix, atol=1e-12)
+
+
+def test_a_quaternion_of_angles_has_these_angles() -> None:
+    rng = np.random.default_rng(1)
+    angles = rng.uniform(-1.0, 1.0, size=(3, 50)) * np.array([np.pi, 0.5 * np.pi, np.pi])[:, None]
+    quaternions = quaternion_from_euler(angles)
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=0), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(euler_from_quaternion(quaternions), angles, atol=1e-12)

@@ -28,6 +28,7 @@ import numpy as np
 
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.errors import UsageError
+from rotorid.frames import quaternion_from_euler
 from rotorid.io.files import write_atomically
 from rotorid.io.px4.log import ALL_RULES, EXCITATION, Rule
 from rotorid.io.px4.ulog import MAGIC, TYPES, Definitions, Member
@@ -362,24 +363,13 @@ def _picked(
 def _values(rule: Rule, picked: Mapping[str, FloatArray]) -> Iterator[tuple[str, FloatArray]]:
     """Fields of a rule and their values."""
     if _is_attitude(rule):
-        yield from zip(rule.fields, _quaternion(*(picked[name] for name in rule.channels)), strict=True)
+        yield from zip(
+            rule.fields, quaternion_from_euler(np.stack([picked[name] for name in rule.channels])), strict=True
+        )
         return
     for field, name in zip(rule.fields, rule.channels, strict=True):
         if name in picked:
             yield field, picked[name] * rule.sign
-
-
-def _quaternion(phi: FloatArray, theta: FloatArray, psi: FloatArray) -> FloatArray:
-    """Body to earth, rows w, x, y, z, of yaw–pitch–roll angles: what `rotorid.frames.euler_from_quaternion` undoes."""
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(half), np.sin(half)) for half in (0.5 * phi, 0.5 * theta, 0.5 * psi))
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    )
 
 
 def _typed(name: str, value: float) -> float | int:

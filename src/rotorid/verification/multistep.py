@@ -1,0 +1,280 @@
+r"""A physical model of flight over many steps: position, velocity, attitude and rates from the motors alone.
+
+From a state of the log, the rigid body is integrated under the measured motors,
+
+.. math::
+
+    \dot p = v, \quad \dot v = R F(\Omega, R^T (v - W), \omega) / m + g, \quad
+    \dot q = \tfrac{1}{2} q \otimes \omega, \quad I \dot\omega = M - \omega \times I \omega,
+
+for a number of steps, and then compared with the log; so from many samples. Nothing else of the log enters: rates and
+velocities after the start are what is predicted. An error is the mean over all starts of the norm of the difference;
+that of attitude is the angle of the rotation between both. The naive predictor keeps the state as it is, so that a
+share of its error says whether a model is worth having over that time.
+
+In closed loop such errors are small where the model of torque is: they score a model, and must not identify one.
+
+Sources: Busetto et al., a benchmark of system identification for nano-quadrotors, 2025, for errors over horizons and
+their sums beside a state that is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.frames import quaternion_from_euler
+from rotorid.models.flight import Airframe, flight_loads
+from rotorid.typing import FloatArray, IntArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+QUANTITIES: Mapping[str, str] = {"position": "m", "velocity": "m/s", "attitude": "rad", "rates": "rad/s"}
+"""What is predicted, and its unit."""
+
+_MOST_STARTS = 1000
+_INERTIAS = ("I_xx", "I_yy", "I_zz")
+
+
+class FlightState(NamedTuple):
+    """States of a rigid body, whatever the shape after the first axis.
+
+    Parameters
+    ----------
+    position, velocity
+        North, east, down, in m and m/s, over ground; three rows.
+    attitude
+        Quaternion w, x, y, z from body to earth; four rows.
+    rates
+        p, q, r in rad/s; three rows.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    attitude: FloatArray
+    rates: FloatArray
+
+    def at(self, samples: IntArray) -> FlightState:
+        """The states at some samples."""
+        return FlightState(*(rows[:, samples] for rows in self))
+
+
+def measured_states(
+    attitude: FloatArray, velocity: FloatArray, rates: FloatArray, *, step_s: float, position: FloatArray | None = None
+) -> FlightState:
+    """States of a log.
+
+    Parameters
+    ----------
+    attitude
+        Roll, pitch and heading in rad, shape ``(3, n)``.
+    velocity
+        Over ground, body axes, m/s, shape ``(3, n)``.
+    rates
+        rad/s, shape ``(3, n)``.
+    step_s
+        Between samples.
+    position
+        North, east, down in m; without it the velocity is integrated.
+    """
+    quaternion = quaternion_from_euler(attitude)
+    over_ground = _to_earth(quaternion, velocity)
+    if position is None:
+        moved = np.cumsum(0.5 * step_s * (over_ground[:, 1:] + over_ground[:, :-1]), axis=1)
+        position = np.concatenate([np.zeros((3, 1)), moved], axis=1)
+    return FlightState(position, over_ground, quaternion, rates)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepErrors(Immutable):
+    """Errors of a model over many steps, and those of a state that is kept.
+
+    Parameters
+    ----------
+    horizons_s
+        Time after the start, shape ``(steps,)``.
+    model, naive
+        Mean norm of the error of each of :data:`QUANTITIES`, shape ``(steps,)``.
+    starts
+        How many samples it was predicted from.
+    """
+
+    horizons_s: FloatArray
+    model: Mapping[str, FloatArray]
+    naive: Mapping[str, FloatArray]
+    starts: int
+
+    def __post_init__(self) -> None:
+        self._set(
+            horizons_s=read_only(self.horizons_s, np.float64, ndim=1),
+            model={name: read_only(row, np.float64, ndim=1) for name, row in self.model.items()},
+            naive={name: read_only(row, np.float64, ndim=1) for name, row in self.naive.items()},
+        )
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Sum of the errors over all steps, as a share of that of the naive predictor; infinite where that is zero."""
+        sums = {name: float(row.sum()) for name, row in self.naive.items()}
+        return {name: float(self.model[name].sum()) / total if total > 0.0 else np.inf for name, total in sums.items()}
+
+
+def pooled(parts: list[StepErrors]) -> StepErrors:
+    """Errors of several stretches with the same steps, each start counting once."""
+    counts = np.array([part.starts for part in parts], dtype=np.float64)
+
+    def mean(rows: list[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+        return {name: np.average([row[name] for row in rows], axis=0, weights=counts) for name in QUANTITIES}
+
+    return StepErrors(
+        horizons_s=parts[0].horizons_s,
+        model=mean([part.model for part in parts]),
+        naive=mean([part.naive for part in parts]),
+        starts=int(counts.sum()),
+    )
+
+
+def step_errors(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    states: FlightState,
+    speeds: FloatArray,
+    *,
+    step_s: float,
+    steps: int,
+    wind: FloatArray | None = None,
+    most_starts: int = _MOST_STARTS,
+) -> StepErrors:
+    """Predict a log over many steps, from samples all through it.
+
+    Parameters
+    ----------
+    values
+        Of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`. An axis without its inertia keeps its rate.
+    states
+        Of the log, with ``n`` samples.
+    speeds
+        Of the rotors as they turn (lag and delay have acted), going from sample to sample in lines, shape
+        ``(rotors, n)``.
+    step_s
+        Between samples.
+    steps
+        How many are predicted.
+    wind
+        Toward north and east in m/s, shape ``(2,)``; none by default.
+    most_starts
+        Evenly over the log; every sample where it has fewer.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log is shorter than the horizon.
+
+    Examples
+    --------
+    A stone that falls, with its rotors at rest:
+
+    >>> frame = Airframe(positions=np.zeros((1, 3)), spins=np.ones(1), mass_kg=1.0, disc_m2=0.1)
+    >>> time_s = 0.1 * np.arange(4.0)
+    >>> fall = 0.5 * STANDARD_GRAVITY_M_S2 * np.array([0, 0, 1])[:, None] * time_s**2
+    >>> states = FlightState(fall, np.gradient(fall, 0.1, axis=1, edge_order=2), np.eye(4)[:, [0] * 4], 0.0 * fall)
+    >>> found = step_errors({"c_2": 1.0}, frame, states, np.zeros((1, 4)), step_s=0.1, steps=2)
+    >>> found.model["position"].round(9).tolist(), found.naive["position"].round(3).tolist()
+    ([0.0, 0.0], [0.098, 0.294])
+    """
+    samples = speeds.shape[1]
+    if samples <= steps:
+        raise InsufficientDataError(
+            f"the stretch lasts {samples * step_s:.2g} s", needed=f"more than the {steps * step_s:.2g} s of prediction"
+        )
+    count = min(samples - steps, most_starts)
+    starts = np.linspace(0, samples - steps - 1, count).round().astype(np.int64)
+    body, first = _Body(values, airframe, np.zeros(2) if wind is None else wind), states.at(starts)
+    now = first
+    model: dict[str, list[float]] = {name: [] for name in QUANTITIES}
+    naive: dict[str, list[float]] = {name: [] for name in QUANTITIES}
+    for step in range(steps):
+        now = body.advanced(now, speeds[:, starts + step], speeds[:, starts + step + 1], step_s)
+        there = states.at(starts + step + 1)
+        for kept, predicted in ((model, now), (naive, first)):
+            for name, error in _errors(there, predicted).items():
+                kept[name].append(float(error.mean()))
+    return StepErrors(
+        horizons_s=np.arange(1, steps + 1) * np.float64(step_s),
+        model={name: np.array(row) for name, row in model.items()},
+        naive={name: np.array(row) for name, row in naive.items()},
+        starts=count,
+    )
+
+
+class _Body:
+    """A vehicle in a wind, for many starts at once."""
+
+    def __init__(self, values: Mapping[str, float], airframe: Airframe, wind: FloatArray) -> None:
+        self.values, self.airframe = values, airframe
+        self.wind = np.array([wind[0], wind[1], 0.0])[:, None]
+        known = [values.get(name) for name in _INERTIAS]
+        if any(value is not None and not value > 0.0 for value in known):
+            raise ModelError("an inertia is not positive")
+        self.inertia = np.array([value or 0.0 for value in known])[:, None]
+        self.lightness = np.array([1.0 / value if value else 0.0 for value in known])[:, None]
+        # What one axis gives to another needs all three.
+        self.coupled = all(known)
+
+    def advanced(self, state: FlightState, before: FloatArray, after: FloatArray, step_s: float) -> FlightState:
+        """States one step later: Runge and Kutta, order 4."""
+        spin_up, middle = (after - before) / step_s, 0.5 * (before + after)
+        slope = total = self._slope(state, before, spin_up)
+        for share, weight, speeds in ((0.5, 2.0, middle), (0.5, 2.0, middle), (1.0, 1.0, after)):
+            slope = self._slope(_moved(state, slope, share * step_s), speeds, spin_up)
+            total = FlightState(*(sum_of + weight * part for sum_of, part in zip(total, slope, strict=True)))
+        return _moved(state, total, step_s / 6.0)
+
+    def _slope(self, state: FlightState, speeds: FloatArray, spin_up: FloatArray) -> FlightState:
+        w, x, y, z = state.attitude
+        p, q, r = state.rates
+        loads = flight_loads(
+            self.values,
+            self.airframe,
+            speeds=speeds,
+            velocity=_to_body(state.attitude, state.velocity - self.wind),
+            rates=state.rates,
+            spin_up=spin_up,
+        )
+        acceleration = _to_earth(state.attitude, loads.force / self.airframe.mass_kg)
+        acceleration[2] += STANDARD_GRAVITY_M_S2
+        moment = loads.moment
+        if self.coupled:
+            moment = moment - np.cross(state.rates, self.inertia * state.rates, axis=0)
+        turned = np.stack([-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p])
+        return FlightState(state.velocity, acceleration, 0.5 * turned, self.lightness * moment)
+
+
+def _moved(state: FlightState, slope: FlightState, time_s: float) -> FlightState:
+    position, velocity, attitude, rates = (rows + time_s * part for rows, part in zip(state, slope, strict=True))
+    return FlightState(position, velocity, attitude / np.sqrt((attitude**2).sum(axis=0)), rates)
+
+
+def _errors(there: FlightState, predicted: FlightState) -> dict[str, FloatArray]:
+    """Norm of the error of each quantity at each start."""
+    # Both signs of a quaternion are one attitude; the chord keeps its digits where a cosine is nearly one.
+    chords = [np.sqrt(((there.attitude + sign * predicted.attitude) ** 2).sum(axis=0)) for sign in (-1.0, 1.0)]
+    return {
+        "position": np.sqrt(((there.position - predicted.position) ** 2).sum(axis=0)),
+        "velocity": np.sqrt(((there.velocity - predicted.velocity) ** 2).sum(axis=0)),
+        "attitude": 4.0 * np.arcsin(0.5 * np.minimum(*chords)),
+        "rates": np.sqrt(((there.rates - predicted.rates) ** 2).sum(axis=0)),
+    }
+
+
+def _to_earth(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
+    along = quaternion[1:]
+    twice = 2.0 * np.cross(along, vector, axis=0)
+    return np.asarray(vector + quaternion[0] * twice + np.cross(along, twice, axis=0))
+
+
+def _to_body(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
+    return _to_earth(quaternion * np.array([1.0, -1.0, -1.0, -1.0])[:, None], vector)
