@@ -1,0 +1,223 @@
+r"""Force and moment of a physical model on a flight, in newtons and newton meters, and where that flight lies.
+
+What the vehicle felt is known from its sensors: force over mass from the accelerometer, and the moment from the gyro,
+
+.. math:: M = I \dot\omega + \omega \times I \omega.
+
+An error is the root mean square of the length of the difference, so that three axes are one number; each axis is
+given too. Both pass the sensors' filters; moments are compared up to 25 Hz, because beyond it a derivative of the gyro
+is noise. Motors, the velocity through the air and the rates of the same moment go in, and nothing from before: what
+was logged, differentiated over 10 ms, needs no model to come closer than any (docs/accuracy.md).
+
+A model was identified over ranges of airspeed, climb, load factor and rotor speed. Outside of them it extrapolates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.flight.fit import FlightRange, predicted_force
+from rotorid.fitting.flight.force import FILTER_ORDER
+from rotorid.fitting.flight.motion import Motion
+from rotorid.models.flight import Airframe, flight_loads
+from rotorid.typing import BoolArray, FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+MOMENT_HZ = 25.0
+"""Up to here moments are compared: angular acceleration is a derivative of the gyro."""
+
+INERTIAS: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
+"""Rate to the inertia that its moment needs."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightLoads(Immutable):
+    """Force and moment of a stretch, measured and modeled.
+
+    Parameters
+    ----------
+    measured_force, modeled_force
+        Mass times specific force at the accelerometer, N, shape ``(3, n)``.
+    measured_moment, modeled_moment
+        N m up to 25 Hz, a row for each axis of :attr:`axes`.
+    axes
+        Rates whose inertia is known.
+    """
+
+    measured_force: FloatArray
+    modeled_force: FloatArray
+    measured_moment: FloatArray
+    modeled_moment: FloatArray
+    axes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        names = ("measured_force", "modeled_force", "measured_moment", "modeled_moment")
+        self._set(axes=tuple(self.axes), **{name: read_only(getattr(self, name), np.float64, ndim=2) for name in names})
+
+
+def flight_loads_of(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    record: MotorRecord,
+    driven: Motion,
+    *,
+    cutoff_hz: float | None = None,
+) -> FlightLoads:
+    """What a stretch measures and a model makes.
+
+    Parameters
+    ----------
+    values
+        Of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`.
+    record
+        With specific force along all axes.
+    driven
+        What drives the model, of :func:`rotorid.fitting.flight.motion.motion`.
+    cutoff_hz
+        Of the low-pass that stands for an unknown filter of the accelerometer.
+    """
+    force = predicted_force(values, airframe, record, driven, cutoff_hz)
+    axes = tuple(axis for axis, inertia in INERTIAS.items() if values.get(inertia, 0.0) > 0.0)
+    inertia = np.array([values.get(name, 0.0) for name in INERTIAS.values()])[:, None]
+    loads = flight_loads(
+        values,
+        airframe,
+        speeds=driven.speeds,
+        velocity=driven.velocity,
+        rates=driven.rates,
+        spin_up=driven.spin_up,
+    )
+    moment = inertia * driven.acceleration
+    if len(axes) == len(INERTIAS):
+        moment = moment + np.cross(driven.rates, inertia * driven.rates, axis=0)
+    rows = [list(INERTIAS).index(axis) for axis in axes]
+    rate_hz = record.sample_rate_hz
+    return FlightLoads(
+        measured_force=airframe.mass_kg * record.force,
+        modeled_force=airframe.mass_kg * force,
+        measured_moment=_slow(moment[rows], rate_hz),
+        modeled_moment=_slow(_through_gyro(loads.moment[rows], record), rate_hz),
+        axes=axes,
+    )
+
+
+def _through_gyro(rows: FloatArray, record: MotorRecord) -> FloatArray:
+    """Rows behind the known filters of the gyro."""
+    from scipy.signal import oaconvolve
+
+    if record.gyro_taps.size < 2 or not rows.size:
+        return rows
+    first = rows[:, :1]
+    passed = oaconvolve(rows - first, record.gyro_taps[None, :], axes=-1)[:, : rows.shape[1]]
+    return np.asarray(passed + record.gyro_taps.sum() * first)
+
+
+def _slow(rows: FloatArray, rate_hz: float) -> FloatArray:
+    from scipy.signal import butter, sosfiltfilt
+
+    if rate_hz <= 2.0 * MOMENT_HZ or not rows.size:
+        return rows
+    return np.asarray(sosfiltfilt(butter(FILTER_ORDER, MOMENT_HZ, fs=rate_hz, output="sos"), rows, axis=-1))
+
+
+class AxisError(NamedTuple):
+    """Root mean square of the errors along and about an axis, N and N m; ``None`` where the model has none."""
+
+    force_rms_n: float | None
+    moment_rms_nm: float | None
+
+
+class LoadErrors(NamedTuple):
+    """Errors of force and moment.
+
+    Parameters
+    ----------
+    force_rms_n, moment_rms_nm
+        Root mean square of the length of the difference; ``None`` where the model has no such axis.
+    axes
+        ``x``, ``y`` and ``z`` with their own.
+    """
+
+    force_rms_n: float | None
+    moment_rms_nm: float | None
+    axes: Mapping[str, AxisError]
+
+
+_BODY = ("x", "y", "z")
+
+
+def load_errors(force: Mapping[str, FloatArray], moment: Mapping[str, FloatArray]) -> LoadErrors:
+    """Errors from differences, axis ``x``, ``y``, ``z`` to a row of N or N m; axes that a model lacks are left out.
+
+    Examples
+    --------
+    >>> found = load_errors({"x": np.array([3.0, -3.0]), "z": np.array([4.0, 4.0])}, {})
+    >>> found.force_rms_n, found.moment_rms_nm, found.axes["z"]
+    (5.0, None, AxisError(force_rms_n=4.0, moment_rms_nm=None))
+    """
+
+    def mean_square(rows: Mapping[str, FloatArray]) -> dict[str, float]:
+        return {axis: float(np.mean(row**2)) for axis, row in rows.items()}
+
+    squares = mean_square(force), mean_square(moment)
+    forces, moments = ({axis: square**0.5 for axis, square in found.items()} for found in squares)
+    whole = [sum(found.values()) ** 0.5 if found else None for found in squares]
+    return LoadErrors(
+        force_rms_n=whole[0],
+        moment_rms_nm=whole[1],
+        axes={axis: AxisError(forces.get(axis), moments.get(axis)) for axis in _BODY},
+    )
+
+
+def differences(parts: list[FlightLoads]) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Errors of force and moment of several stretches, one after another, axis to row."""
+    force = np.concatenate([part.measured_force - part.modeled_force for part in parts], axis=1)
+    moment = np.concatenate([part.measured_moment - part.modeled_moment for part in parts], axis=1)
+    turned = dict(zip(INERTIAS, _BODY, strict=True))
+    return dict(zip(_BODY, force, strict=True)), {
+        turned[axis]: row for axis, row in zip(parts[0].axes, moment, strict=True)
+    }
+
+
+USUAL_OUTSIDE_PERCENT = 10.0
+"""Up to here a flight like those that were fitted may lie outside: half a percent of the samples at each end of every
+range was left out, of each of four rotors."""
+
+
+def outside_range(tested: FlightRange, record: MotorRecord, driven: Motion) -> dict[str, BoolArray]:
+    """When a flight is outside of what was identified: ``airspeed``, ``climb``, ``motors``, ``load``, shape ``(n,)``.
+
+    Parameters
+    ----------
+    tested
+        What the fitted flights covered.
+    """
+
+    def beyond(span: tuple[float, float], row: FloatArray) -> BoolArray:
+        return np.asarray((row < span[0]) | (row > span[1]))
+
+    return {
+        "airspeed": beyond(tested.edge, np.hypot(driven.velocity[0], driven.velocity[1])),
+        "climb": beyond(tested.climb, -driven.velocity[2]),
+        "motors": np.asarray(beyond(tested.speed, driven.speeds).any(axis=0)),
+        "load": beyond(tested.load, -record.force[2] / STANDARD_GRAVITY_M_S2),
+    }
+
+
+def percents(outside: list[dict[str, BoolArray]]) -> tuple[float, dict[str, float]]:
+    """Share of the time of several stretches outside of any range, and of each.
+
+    Examples
+    --------
+    >>> percents([{"load": np.array([True, False]), "climb": np.array([False, False])}])
+    (50.0, {'load': 50.0, 'climb': 0.0})
+    """
+    rows = {name: np.concatenate([part[name] for part in outside]) for name in outside[0]}
+    anywhere = np.any(list(rows.values()), axis=0)
+    return 100.0 * float(anywhere.mean()), {name: 100.0 * float(row.mean()) for name, row in rows.items()}
