@@ -20,7 +20,7 @@ their sums beside a state that is kept.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -208,6 +208,77 @@ def step_errors(
         naive={name: np.array(row) for name, row in naive.items()},
         starts=count,
     )
+
+
+def pieces(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    states: FlightState,
+    speeds: FloatArray,
+    *,
+    step_s: float,
+    starts: Sequence[int],
+    wind: FloatArray | None = None,
+) -> FlightState:
+    """A whole log as a model flies it, again from the measured state at each of some samples.
+
+    Parameters
+    ----------
+    values, airframe, states, speeds, step_s, wind
+        As for :func:`step_errors`.
+    starts
+        First sample of each piece, rising; the first is zero.
+
+    Returns
+    -------
+    FlightState
+        Of all samples, with ``n`` columns.
+    """
+    begin = np.asarray(starts, dtype=np.int64)
+    lengths = np.diff(np.append(begin, speeds.shape[1]))
+    body, now = _Body(values, airframe, np.zeros(2) if wind is None else wind), states.at(begin)
+    flown = FlightState(*(rows.copy() for rows in states))
+    last = speeds.shape[1] - 1
+    for step in range(1, int(lengths.max())):
+        before, after = (np.minimum(begin + step + shift, last) for shift in (-1, 0))
+        now = body.advanced(now, speeds[:, before], speeds[:, after], step_s)
+        inside = step < lengths
+        for rows, reached in zip(flown, now, strict=True):
+            rows[:, begin[inside] + step] = reached[:, inside]
+    return flown
+
+
+def slower(states: FlightState, speeds: FloatArray, *, step_s: float, least_s: float) -> tuple[FlightState, FloatArray]:
+    """A log that was faster, at steps of about ``least_s``: each so many samples, and motors as means around them.
+
+    Means lose no impulse of the motors.
+
+    Returns
+    -------
+    FlightState, FloatArray
+        States and speeds; :func:`stride` says how many samples became one step.
+    """
+    every = stride(step_s, least_s)
+    if every == 1:
+        return states, speeds
+    from scipy.ndimage import convolve1d
+
+    # The trapezoidal rule, which is centered for any number of samples.
+    weights = np.r_[0.5, np.ones(every - 1), 0.5] / every
+    return FlightState(*(rows[:, ::every] for rows in states)), convolve1d(speeds, weights, axis=1, mode="nearest")[
+        :, ::every
+    ]
+
+
+def stride(step_s: float, least_s: float) -> int:
+    """Samples of a log in a step of ``least_s`` at most, and one at least.
+
+    Examples
+    --------
+    >>> stride(0.0025, 0.01), stride(0.01, 0.01), stride(0.02, 0.01)
+    (4, 1, 1)
+    """
+    return max(1, int(least_s / step_s + 1e-6))
 
 
 class _Body:

@@ -12,7 +12,7 @@ from rotorid.frames import euler_from_quaternion
 from rotorid.models.flight import Airframe, flight_loads
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
-from rotorid.verification.multistep import QUANTITIES, FlightState, measured_states, pooled, step_errors
+from rotorid.verification.multistep import QUANTITIES, FlightState, measured_states, pieces, pooled, slower, step_errors
 
 FRAME = Airframe(
     positions=np.array([[0.1, 0.12, -0.01], [-0.1, -0.12, -0.01], [0.1, -0.12, -0.01], [-0.1, 0.12, -0.01]]),
@@ -156,3 +156,22 @@ def test_stretches_are_pooled_by_their_starts(truth: FlightState, speeds: FloatA
 def test_a_stretch_shorter_than_the_horizon_is_refused(truth: FlightState, speeds: FloatArray) -> None:
     with pytest.raises(InsufficientDataError, match=r"0\.6 s.*0\.6 s of prediction"):
         step_errors(VALUES, FRAME, truth, speeds, step_s=STEP_S, steps=SAMPLES)
+
+
+def test_pieces_begin_anew_and_are_the_same_flight(truth: FlightState, speeds: FloatArray) -> None:
+    starts = [0, 20, 45]
+    found = pieces(VALUES, FRAME, truth, speeds, step_s=STEP_S, starts=starts, wind=WIND)
+    for name, rows, exact in zip(FlightState._fields, found, truth, strict=True):
+        assert np.abs(rows - exact).max() < 1e-5, name
+        np.testing.assert_array_equal(rows[:, starts], exact[:, starts])
+
+
+def test_a_fast_log_is_flown_at_longer_steps(truth: FlightState, speeds: FloatArray) -> None:
+    states, slow = slower(truth, speeds, step_s=STEP_S, least_s=2 * STEP_S)
+    assert slow.shape[1] == states.rates.shape[1] == SAMPLES // 2
+    found = step_errors(VALUES, FRAME, states, slow, step_s=2 * STEP_S, steps=10, wind=WIND)
+    # Means flatten motors that turn by 0.3 rad in a step by 1 to 2 %.
+    assert max(found.ratios.values()) < 0.02
+    same, fast = slower(truth, speeds, step_s=STEP_S, least_s=STEP_S)
+    assert same is truth
+    assert fast is speeds
