@@ -488,6 +488,11 @@ KINDS: Mapping[str, Kind] = {
         "Motor lost synchronization",
         "A motor slowed down while its output rose, so it may have lost synchronization.",
     ),
+    "motor_stamps": Kind(
+        "warning",
+        "Motors and gyro out of step",
+        "The time stamps of the motors do not agree with the motion that the motors cause.",
+    ),
     "motor_reconstruction": Kind(
         "info",
         "Motors computed from commands",
@@ -717,6 +722,9 @@ KINDS: Mapping[str, Kind] = {
         "This requirement limits the proposed gains, or is the reason to keep the current ones.",
     ),
     "unused_choice": Kind("warning", "Unused option", "An option had no effect."),
+    "velocity_late": Kind(
+        "warning", "Velocity is late", "The logged velocity comes later than the acceleration and the attitude show."
+    ),
     "vibration_filtered": Kind(
         "info", "Vibration filtered out", "Vibration was filtered out of measured and predicted outputs alike."
     ),
@@ -727,6 +735,11 @@ KINDS: Mapping[str, Kind] = {
     ),
     "voltage_exponent": Kind(
         "info", "Thrust over voltage", "Thrust follows the battery voltage by this power; the model assumes the square."
+    ),
+    "wind_or_bias": Kind(
+        "warning",
+        "Wind or accelerometer bias",
+        "The heading turned too little to separate wind from a bias of the accelerometer.",
     ),
 }
 """Every kind of finding, by the word that scripts rely on."""

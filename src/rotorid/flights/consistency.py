@@ -280,7 +280,7 @@ def _same_channels(record: FlightRecord, stretch: Stretch) -> Iterator[ChannelSk
             except InsufficientDataError:
                 # Signals that barely move are not coherent; the channels of other axes show the offset instead.
                 continue
-            (low, high), (least, most) = (_filter_lag(record, t, t.channels[row]) for t, row in (sources[0], other))
+            (low, high), (least, most) = (filter_lag(record, t, t.channels[row]) for t, row in (sources[0], other))
             yield ChannelSkew(
                 channel=name,
                 reference=sources[0][0].name,
@@ -366,12 +366,12 @@ def _kinematic_lag(record: FlightRecord, history: TimeHistory, name: str) -> tup
     """Lag of a sensor behind the attitude explained by its filters: zero if they filter the attitude too."""
     source = history.channels[history.names.index(name)].source
     lags = [
-        _filter_lag(record, t, t.channels[row]) for t, row in record.holding(name) if t.channels[row].source == source
+        filter_lag(record, t, t.channels[row]) for t, row in record.holding(name) if t.channels[row].source == source
     ]
     return min((0.0, *(low for low, _ in lags))), max((0.0, *(high for _, high in lags)))
 
 
-def _filter_lag(record: FlightRecord, topic: Topic, channel: Channel) -> tuple[float, float]:
+def filter_lag(record: FlightRecord, topic: Topic, channel: Channel) -> tuple[float, float]:
     """Least and most delay of the known filters of a channel over the band, at both rates they may have worked at."""
     delays = [0.0]
     omega = np.linspace(0.1, 1.0, 10) * _BAND_RAD_S[1]

@@ -42,18 +42,13 @@ from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.flights.flights import longest_flight
-from rotorid.models.autopilots.layouts import layout_of, mixer_of
+from rotorid.flights.motor_band import BLOCK_S, LEAST_S, fastest_motors, flights_off_ground, motor_bands
+from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.rotors import SPINS, RotorLayout, layout_names, library_layout
-from rotorid.signal.airborne import airborne
-from rotorid.signal.clock import interpolated
-from rotorid.signal.motors import MotorHistory, motor_history, motor_limits
-from rotorid.typing import BoolArray, FloatArray, IntArray
+from rotorid.signal.motors import MotorHistory
+from rotorid.typing import FloatArray, IntArray
 
 Verdict: TypeAlias = Literal["fits", "wrong", "not enough data"]
-
-BAND_HZ = (1.5, 15.0)
-"""Where torques of the motors prevail: below it speed turns the vehicle too, above it noise does."""
 
 LEAST_CORRELATION = 0.6
 """Of the regression with the accelerations of roll and pitch; where motors explain less, gusts and noise decide.
@@ -85,11 +80,6 @@ _LAGS_S = (0.0, 0.02, 0.05, 0.08)
 _EARLY_S = -0.02
 """Motors that explain the motion this long before they act follow it: a controller that answers to noise or gusts."""
 
-_CLOCK_HZ, _BLOCK_S, _LEAST_S, _MOST_S = 100.0, 1.0, 5.0, 300.0
-_GROUND_S = 1.0
-"""At the ends of a flight the ground may still act."""
-
-_MOST_LIMITED = 0.5
 _STILL = 1e-4
 """Smallest variance of a combination of motors over the largest, below which it counts as still."""
 
@@ -276,7 +266,7 @@ def window_orders(record: FlightRecord, layout: RotorLayout, *, window_s: float 
 
 def _prepared(record: FlightRecord, layout: RotorLayout, intervals: Intervals) -> Sequence[_Part] | RotorOrder:
     """The flights as the regression needs them, or what is missing."""
-    history = _history(record, layout)
+    history = fastest_motors(record, layout)
     if history.motors != layout.rotors:
         raise UsageError(
             f"{record.source.name} has {history.motors} motors, but {layout.name} has {layout.rotors} rotors",
@@ -293,16 +283,16 @@ def _prepared(record: FlightRecord, layout: RotorLayout, intervals: Intervals) -
         return _unknown(layout, why, logging_advice(record, slowest))
     if layout.rotors > _MOST_ROTORS:
         return _unknown(layout, f"{layout.rotors} rotors have too many orders to try.")
-    parts = _parts(record, history, intervals or _flights(record))
+    parts = _parts(record, history, intervals or flights_off_ground(record))
     duration_s = _duration_s(parts)
-    if duration_s < _LEAST_S:
-        why = f"{duration_s:.0f} s without gaps and motor limits; {_LEAST_S:.0f} s are needed."
+    if duration_s < LEAST_S:
+        why = f"{duration_s:.0f} s without gaps and motor limits; {LEAST_S:.0f} s are needed."
         return _unknown(layout, why, "log a longer flight", duration_s=duration_s)
     return parts
 
 
 def _duration_s(parts: Sequence[_Part]) -> float:
-    return _BLOCK_S * sum(np.unique(part.block).size for part in parts)
+    return BLOCK_S * sum(np.unique(part.block).size for part in parts)
 
 
 def _of_windows(layout: RotorLayout, parts: Sequence[_Part], whole: RotorOrder) -> RotorOrder:
@@ -332,31 +322,11 @@ def _of_windows(layout: RotorLayout, parts: Sequence[_Part], whole: RotorOrder) 
 
 def _cut(part: _Part, window_s: float) -> Iterator[_Part]:
     """Whole windows of a flight."""
-    window = part.block // round(window_s / _BLOCK_S)
+    window = part.block // round(window_s / BLOCK_S)
     for number in np.unique(window):
         kept = window == number
-        if np.unique(part.block[kept]).size * _BLOCK_S >= window_s:
+        if np.unique(part.block[kept]).size * BLOCK_S >= window_s:
             yield _Part(part.motors[:, :, kept], part.accelerations[:, kept], part.block[kept])
-
-
-def _flights(record: FlightRecord) -> Intervals:
-    """Flights without their first and last second: legs on the ground turn the vehicle as no motor does."""
-    try:
-        flights = airborne(record).intervals
-    except InsufficientDataError:
-        return (longest_flight(record),)
-    return tuple((start + _GROUND_S, stop - _GROUND_S) for start, stop in flights if stop - start > 2.0 * _GROUND_S)
-
-
-def _history(record: FlightRecord, layout: RotorLayout) -> MotorHistory:
-    """The motors as fast as the log has them: by the mixer of the layout, or of the frame that the log names."""
-    history = motor_history(record, mixer_of(layout, record.source.format))
-    if history.sample_rate_hz >= LOWEST_RATE_HZ:
-        return history
-    try:
-        return motor_history(record, mixer_of(layout_of(record), record.source.format))
-    except (InsufficientDataError, UsageError):
-        return history
 
 
 class _Part(NamedTuple):
@@ -364,69 +334,18 @@ class _Part(NamedTuple):
 
     motors: FloatArray
     accelerations: FloatArray
-    block: FloatArray
-
-
-def _clock_hz(slowest: float) -> float:
-    return min(_CLOCK_HZ, slowest)
+    block: IntArray
 
 
 def _parts(record: FlightRecord, history: MotorHistory, intervals: Intervals) -> list[_Part]:
-    from scipy.signal import butter, sosfiltfilt
-
-    joined = interpolated(history.time_s, history.values)
-    motors_s, motors = (history.time_s, history.values) if joined is None else (joined.time_s, joined.values)
-    tracks = [record[name] for name in RATES]
-    step_s = 1.0 / _clock_hz(min(history.sample_rate_hz, *(record.rate_hz(name) for name in RATES)))
-    limits = motor_limits(record)
-    band = butter(2, (BAND_HZ[0], min(BAND_HZ[1], 0.4 / step_s)), "bandpass", fs=1.0 / step_s, output="sos")
-    parts: list[_Part] = []
-    left_s = _MOST_S
-    for start_s, stop_s in intervals:
-        low = max(start_s, float(motors_s[0]), *(float(track.time_s[0]) for track in tracks))
-        high = min(stop_s, float(motors_s[-1]), *(float(track.time_s[-1]) for track in tracks), low + left_s)
-        count = int((high - low) / step_s)
-        if count * step_s < _LEAST_S:
-            continue
-        time_s = np.asarray(low + step_s * np.arange(count), dtype=np.float64)
-        rates = np.stack([_means(track.time_s, track.values, time_s, step_s) for track in tracks])
-        thrust = np.stack([_means(motors_s, row, time_s, step_s) for row in motors])
-        thrust = thrust**2 if history.kind == "speed" else thrust
-        thrust /= max(float(np.mean(np.abs(thrust))), 1e-12)
-        known = _known(motors_s, time_s, step_s) & _known(tracks[0].time_s, time_s, step_s)
-        accelerations = sosfiltfilt(band, np.gradient(rates, step_s, axis=1), axis=1)
-        lagged = np.stack([sosfiltfilt(band, _lagged(thrust, lag_s, step_s), axis=1) for lag_s in (*_LAGS_S, _EARLY_S)])
-        block = np.floor((time_s - low) / _BLOCK_S).astype(int)
-        whole = np.bincount(block, known) == np.bincount(block)
-        if limits.time_s.size and not limits.unknown:
-            limited = np.interp(time_s, limits.time_s, limits.limited.astype(float))
-            whole &= np.bincount(block, limited) <= _MOST_LIMITED * np.bincount(block)
-        kept = whole[block]
-        if kept.any():
-            parts.append(_Part(lagged[:, :, kept], accelerations[:, kept], block[kept]))
-            left_s -= float(np.count_nonzero(kept)) * step_s
-        if left_s < _LEAST_S:
-            break
+    """Each flight in the band, with its motors at each lag, as far as its blocks serve."""
+    parts = []
+    for band in motor_bands(record, history, intervals):
+        lags_s = (*_LAGS_S, _EARLY_S)
+        lagged = np.stack([band.passed(_lagged(band.thrust, lag_s, band.step_s)) for lag_s in lags_s])
+        kept = band.kept
+        parts.append(_Part(lagged[:, :, kept], band.accelerations[:, kept], band.block[kept]))
     return parts
-
-
-def _means(stamps: FloatArray, values: FloatArray, time_s: FloatArray, step_s: float) -> FloatArray:
-    """Mean of a channel over the step around each time, which keeps out what the slower clock cannot show."""
-    kept = np.isfinite(values)
-    stamps, values = stamps[kept], values[kept]
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(stamps))])
-    edges = np.concatenate([time_s - 0.5 * step_s, time_s[-1:] + 0.5 * step_s]).clip(stamps[0], stamps[-1])
-    before = np.clip(np.searchsorted(stamps, edges, side="right") - 1, 0, stamps.size - 2)
-    passed = edges - stamps[before]
-    slope = np.diff(values)[before] / np.maximum(np.diff(stamps)[before], 1e-12)
-    integral = area[before] + passed * (values[before] + 0.5 * slope * passed)
-    return np.asarray(np.diff(integral) / step_s)
-
-
-def _known(stamps: FloatArray, time_s: FloatArray, step_s: float) -> BoolArray:
-    """Whether a stamp is near, so that a value is no line across a gap."""
-    after = np.clip(np.searchsorted(stamps, time_s), 1, stamps.size - 1)
-    return np.asarray(np.minimum(np.abs(stamps[after] - time_s), np.abs(time_s - stamps[after - 1])) <= 3.0 * step_s)
 
 
 def _lagged(values: FloatArray, lag_s: float, step_s: float) -> FloatArray:

@@ -31,6 +31,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "motors": "motors",
         "motors.events": "desync",
         "motors.rotor_order": "motor numbering",
+        "motors.stamps": "motor time stamps",
         "oscillations": "oscillation",
         "noise": "noise",
         "noise.maps": "noise maps",

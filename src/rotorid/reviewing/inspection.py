@@ -19,6 +19,7 @@ from rotorid.errors import FaultError, InsufficientDataError, reason_of
 from rotorid.flights.agreement import channel_agreement
 from rotorid.flights.consistency import ChannelSkew, Consistency, check_consistency, stretches
 from rotorid.flights.controller_check import controller_findings
+from rotorid.flights.motor_stamps import stamp_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
@@ -265,6 +266,7 @@ def inspect(record: FlightRecord) -> Inspection:
                 *_alone("oscillations", lambda: _oscillations(record, flight)),
                 *_alone("motors", lambda: motor_limits(record).remarks()),
                 *_alone("motors.rotor_order", lambda: _order(record, flight)),
+                *_alone("motors.stamps", lambda: stamp_findings(record) if flight is not None else ()),
                 *_alone("channels", lambda: channel_agreement(record, flight.intervals if flight else ())),
                 *consistency.findings,
             )

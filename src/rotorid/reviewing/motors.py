@@ -36,6 +36,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.hover import FEWEST_SECONDS, WINDOW_S, steady_windows, thrust_curve
 from rotorid.flights.motor_balance import amplitudes, patterns_or_pairs, rotor_geometry
+from rotorid.flights.motor_stamps import stamp_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
@@ -114,7 +115,9 @@ def motors(record: FlightRecord, *, mass_kg: float | None = None) -> tuple[Motor
     )
     order, missing = section("motors.rotor_order", partial(_rotor_order, record), _NO_FINDINGS)
     unavailable += missing
-    return replace(found, findings=(*_findings(found), *order)), tuple(unavailable)
+    stamps, missing = section("motors.stamps", lambda: (stamp_findings(record), ()), _NO_FINDINGS)
+    unavailable += missing
+    return replace(found, findings=(*_findings(found), *order, *stamps)), tuple(unavailable)
 
 
 _NO_FINDINGS: tuple[Finding, ...] = ()
