@@ -1,0 +1,667 @@
+r"""Drag and wind of an ordinary flight: regression of the specific force on velocity, with tilt as the instrument.
+
+The accelerometers along the body measure no gravity, so in flight they show the drag of rotors and body. With the
+velocity :math:`v` over ground in body axes, the wind :math:`W` and the rotation :math:`R` from body to earth,
+
+.. math::
+
+    y = -(a_x, a_y) = (d + c\,|v_a|)\, v_a - h\,(\dot q + p r,\; q r - \dot p) + b, \qquad v_a = v - R^T (W_N, W_E, 0)^T
+
+axis by axis (x and y), with the drag d and c over mass, the place h of the accelerometer along z from the center of
+gravity, and its bias b. Least squares of logged velocities is low by up to half, because their error is as large as the
+motion in a hover. The error of the velocity is not that of the tilt: :math:`z`, the acceleration
+:math:`g(-\sin\theta, \cos\theta \sin\phi)` behind a lag of 1.5 s, moves with the velocity and replaces it,
+
+.. math:: \hat d = (z \cdot y) / (z \cdot v)
+
+The specific force is the accelerometer's own, never the acceleration that follows from the attitude, so that an error
+of the attitude enters z alone. The place belongs in the regression: a sensor 5 cm above the center of gravity of a
+slow vehicle makes the drag half as large again, and more the faster the motion is that counts.
+
+Only motion between 0.05 and 1 Hz counts for the drag: below, wind and the estimator's velocity drift; above, vibration
+and flapping. The wind follows from what is left at all lower frequencies. A bias turns with the body and the wind does
+not, but of a flight at one heading the two are one number: the bias then has a standard deviation of 0.2 m/s², which
+is an accelerometer mounted 1.2° off the plane of the rotors.
+
+The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather.
+Its standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
+coefficients that count. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and
+Watson, "HAR inference", 2018). A share of 1.5 % is added to drag, its spread between flights of one vehicle.
+
+Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
+``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
+:mod:`rotorid.flights.steady_wind` needs the force of the wind and not its speed; and
+:mod:`rotorid.flying.flight_air` takes the drag of a known vehicle to find the wind. Of an ordinary flight this is the
+only answer.
+
+Fails where the vehicle holds its position in gusts: there, the tilt follows the wind and not the stick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from rotorid.data.axes import ATTITUDE
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import TWO_SIDED_95, Quantity, with_error
+from rotorid.data.record import FlightRecord, Intervals, TimeHistory
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.whole_flights import flown
+from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
+from rotorid.signal.kinematics import derivative, gravity_in_body, to_body
+from rotorid.typing import FloatArray
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+LOW_HZ, HIGH_HZ = 0.05, 1.0
+"""Band of the motion that shows drag."""
+
+_LAG_S = 1.5
+"""Lag of the tilt, about mass over drag of small vehicles."""
+
+_EDGE_S = 3.0
+"""Left out after the take-off and before the landing."""
+
+_SHORTEST_S, _FEWEST_S = 10.0, 20.0
+"""Length of a stretch, and of all of them."""
+
+_LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.5
+"""Motion in the band, rms, and its correlation with the instrument."""
+
+_WORST = 0.25
+"""Standard deviation over drag from which there is none."""
+
+_BIAS_M_S2 = 0.2
+"""Standard deviation of the accelerometer along the body, mostly its alignment with the rotors."""
+
+_SCATTER = 0.015
+"""Standard deviation of rotor drag between flights of one vehicle, as a share: assumed for one flight."""
+
+_SLOWEST_S, _FEWEST_COSINES = 30.0, 3
+"""A cosine for so many seconds of flight, of which the long-run variance is the mean."""
+
+_MOST_LEVERAGE = 0.7
+"""Of one coefficient on an estimate, above which its residual shows no more of its error."""
+
+_FACTOR = 3.0
+"""Ratio of fast to slow airspeed along the axes from which drag that grows with the square is asked for."""
+
+_ROUNDS = 6
+"""Of drag and wind in turn, each by the other."""
+
+TOP_SPEED_TILT_RAD = math.radians(30.0)
+"""Tilt of the top speed that a drag is shown by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltDrag(Immutable):
+    """Drag over mass of a vehicle, and the wind that it met.
+
+    Parameters
+    ----------
+    drag
+        In proportion to the airspeed, in 1/s, by the instrument: the mean slope over the airspeeds that were flown.
+    plain
+        The same by least squares of the logged velocity.
+    at_rest, quadratic
+        The parts d in 1/s and c in 1/m of a drag :math:`(d + c |v_a|) v_a` along each axis; ``None`` where the airspeed
+        varies too little to show both.
+    wind_north, wind_east
+        Where the air moves, m/s, of the longest flight; ``None`` where the heading is not logged.
+    height
+        Place of the accelerometer along z (down) from the center of gravity, m.
+    airspeed_m_s
+        5 and 95 % quantiles of the horizontal airspeed.
+    correlation
+        Of velocity and instrument in the band.
+    speed_m_s
+        Horizontal motion in the band, rms.
+    seconds
+        Flight that counts.
+    velocity_source
+        Source of the velocity in the log, or its channel.
+    difference_std
+        Standard deviation of the difference of ``plain`` and ``drag``, which share their noise.
+    """
+
+    drag: Quantity
+    plain: Quantity
+    at_rest: Quantity | None
+    quadratic: Quantity | None
+    wind_north: Quantity | None
+    wind_east: Quantity | None
+    height: Quantity
+    airspeed_m_s: tuple[float, float]
+    correlation: float
+    speed_m_s: float
+    seconds: float
+    velocity_source: str
+    difference_std: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both ways give the same drag within their random errors."""
+        std = math.hypot(self.difference_std, math.sqrt(2.0) * _SCATTER * self.drag.value)
+        return abs(self.plain.value - self.drag.value) <= TWO_SIDED_95 * std
+
+    def top_speed(self, tilt_rad: float = TOP_SPEED_TILT_RAD) -> Quantity:
+        r"""Airspeed of level flight at a tilt, m/s.
+
+        Drag along the body balances gravity, :math:`(d + c\,V\cos\vartheta)\,V\cos\vartheta = g \sin\vartheta`; without
+        a quadratic part :math:`V = g \tan\vartheta / d`. Beyond the airspeed that was flown it is an extrapolation, and
+        a drag that grows with the square makes it smaller.
+        """
+        force, along = STANDARD_GRAVITY_M_S2 * math.sin(tilt_rad), math.cos(tilt_rad)
+        if self.quadratic is None or self.at_rest is None or self.quadratic.lower <= 0.0:
+            ends = [force / (along * slope) for slope in (self.drag.upper, self.drag.lower)]
+            value, std = force / (along * self.drag.value), force / along * self.drag.std / self.drag.value**2
+            return Quantity(value=value, std=std, lower=ends[0], upper=ends[1], unit="m/s")
+
+        def speed(d: float, c: float) -> float:
+            return (math.sqrt(d * d + 4.0 * c * force) - d) / (2.0 * c * along)
+
+        d, c = self.at_rest, self.quadratic
+        value = speed(d.value, c.value)
+        # Far beyond the speeds that were flown the square counts, whatever the two share of their errors.
+        upper, lower = speed(d.value, c.lower), speed(d.value, c.upper)
+        return Quantity(value=value, std=(upper - lower) / (2.0 * TWO_SIDED_95), lower=lower, upper=upper, unit="m/s")
+
+    def findings(self, where: str = "flight.drag") -> tuple[Finding, ...]:
+        """That both ways disagree, where they do."""
+        if self.agrees:
+            return ()
+        both = [with_error(found.value, found.std) for found in (self.drag, self.plain)]
+        message = (
+            f"Drag is {both[0]} 1/s with the tilt as instrument and {both[1]} 1/s by plain regression on "
+            f"{self.velocity_source}, whose errors make it too small or too large. The first one counts."
+        )
+        return (warn("both_ways_disagree", where, message, drag_1_s=self.drag.value, plain_1_s=self.plain.value),)
+
+
+def tilt_drag(record: FlightRecord, stretches: Intervals) -> TiltDrag:
+    """Drag and wind that an ordinary flight shows.
+
+    Parameters
+    ----------
+    record
+        With ``ax ay phi theta``, and ``u v`` or ``velocity_north velocity_east psi``.
+    stretches
+        When it flew; 3 s at both ends of each are left out.
+
+    Raises
+    ------
+    InsufficientDataError
+        A channel is missing, the flight is too short, the vehicle hardly moved, its velocity does not follow its tilt,
+        or the error is more than a quarter of the drag.
+
+    Examples
+    --------
+    >>> from rotorid.data.record import Channel, Source, Topic
+    >>> time_s = np.arange(0.0, 90.0, 0.04)
+    >>> u = np.sin(1.2 * time_s) + np.cos(0.7 * time_s)
+    >>> u_dot = 1.2 * np.cos(1.2 * time_s) - 0.7 * np.sin(0.7 * time_s)
+    >>> theta = -np.arcsin((u_dot + 0.3 * u) / 9.80665)
+    >>> rows = {"ax": -0.3 * u, "ay": 0.0 * u, "phi": 0.0 * u, "theta": theta, "psi": 0.0 * u, "u": u, "v": 0.0 * u}
+    >>> channels = tuple(Channel(name=name, unit="") for name in rows)
+    >>> topic = Topic(name="all", time_s=time_s, channels=channels, values=np.stack(list(rows.values())))
+    >>> found = tilt_drag(FlightRecord(source=Source(name="a", format="CSV", sha256=""), topics=(topic,)), ((0., 90.),))
+    >>> round(found.drag.value, 2), round(found.top_speed().value, 1)
+    (0.3, 18.9)
+    """
+    return tilt_drag_of(((record, stretches),))
+
+
+def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
+    """The same of several logs of one vehicle, each with its own wind and the weight of its own noise.
+
+    Raises
+    ------
+    InsufficientDataError
+        As :func:`tilt_drag`.
+    """
+    name = logs[0][0].source.name
+    by_log = [_stretches(record, intervals) for record, intervals in logs]
+    seconds = sum(stretch.seconds for log in by_log for stretch in log)
+    if seconds < _FEWEST_S:
+        raise InsufficientDataError(
+            f"{name} contains {seconds:.0f} s in the air without gaps",
+            needed=f"{_FEWEST_S:.0f} s, to measure drag",
+            remedy=_FLY,
+        )
+    solved = _Solved.of(by_log)
+    _require_motion(name, solved)
+    drag = _quantity(solved.value[0], math.hypot(solved.std, _SCATTER * solved.value[0]), "1/s")
+    if not 0.0 < drag.std < _WORST * solved.value[0]:
+        raise InsufficientDataError(
+            f"{name} shows a drag of {with_error(drag.value, drag.std)} 1/s",
+            needed=f"an error below {100.0 * _WORST:.0f} % of the drag",
+            remedy=_FLY,
+        )
+    winds = [_wind(log, solved.value[0], 0.0) for log in by_log]
+    parts = _with_square(by_log, solved, [wind.mean for wind in winds])
+    if parts is not None and parts.grows:
+        winds = [_wind(log, parts.at_rest.value, parts.quadratic.value) for log in by_log]
+    longest = max(range(len(by_log)), key=lambda place: sum(stretch.seconds for stretch in by_log[place]))
+    north, east = _wind_quantities(by_log[longest], winds[longest], solved, parts)
+    record = logs[longest][0]
+    channel = _velocities(record)[0]
+    source = next(record.holding(channel))
+    return TiltDrag(
+        drag=drag,
+        plain=_quantity(solved.plain, solved.plain_std, "1/s"),
+        at_rest=None if parts is None else parts.at_rest,
+        quadratic=None if parts is None else parts.quadratic,
+        wind_north=north,
+        wind_east=east,
+        height=_quantity(solved.value[1], solved.height_std, "m"),
+        airspeed_m_s=_airspeeds(by_log, [wind.mean for wind in winds]),
+        correlation=solved.correlation,
+        speed_m_s=solved.speed_m_s,
+        seconds=seconds,
+        velocity_source=source[0].channels[source[1]].source or channel,
+        difference_std=solved.difference_std,
+    )
+
+
+_FLY = "fly back and forth and to both sides for 60 s, at 1 m/s and more"
+
+
+def _require_motion(name: str, solved: _Solved) -> None:
+    """Refuse a flight that hardly moved, or whose velocity does not follow its tilt."""
+    if solved.speed_m_s < _LEAST_SPEED_M_S:
+        raise InsufficientDataError(
+            f"the horizontal motion of {name} is {solved.speed_m_s:.2g} m/s rms",
+            needed=f"{_LEAST_SPEED_M_S:g} m/s, to measure drag",
+            remedy=_FLY,
+        )
+    if not solved.correlation >= _LEAST_CORRELATION:
+        raise InsufficientDataError(
+            f"the velocity in {name} follows the tilt with a correlation of {solved.correlation:.2f}",
+            needed=f"{_LEAST_CORRELATION:g}, to measure drag",
+            remedy=f"{_FLY}, in calm air",
+        )
+
+
+def _quantity(value: float, std: float, unit: str) -> Quantity:
+    return Quantity.normal(float(value), float(std), unit)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Columns of a stretch of flight, each of shape ``(2, n)``: forward and right.
+
+    ``braking`` is the specific force with its sign changed, ``tilt`` the instrument, ``lever`` what an accelerometer
+    1 m below the center of gravity adds to ``braking``, ``north`` and ``east`` these directions in body axes.
+    """
+
+    rate_hz: float
+    braking: FloatArray
+    velocity: FloatArray
+    tilt: FloatArray
+    lever: FloatArray
+    north: FloatArray
+    east: FloatArray
+    heading_known: bool
+
+    @property
+    def seconds(self) -> float:
+        """Length."""
+        return float(self.braking.shape[1] / self.rate_hz)
+
+    def in_band(self, values: FloatArray) -> FloatArray:
+        """Cosine coefficients in the band of columns, shape ``(..., n)``; their squares add up to integrals over time.
+
+        The cosines of a stretch are orthogonal, so that leaving some out is a projection, without transients.
+        """
+        from scipy.fft import dct
+
+        size = values.shape[-1]
+        frequency_hz = 0.5 * self.rate_hz * np.arange(size) / size
+        kept = (frequency_hz >= LOW_HZ) & (frequency_hz <= HIGH_HZ)
+        return np.asarray(dct(values, norm="ortho", axis=-1)[..., kept] / math.sqrt(self.rate_hz))
+
+    def thinned(self, values: FloatArray) -> FloatArray:
+        """Five samples of the fastest motion in the band."""
+        return np.asarray(values[..., :: max(1, int(self.rate_hz / (5.0 * HIGH_HZ)))])
+
+    def airspeed(self, wind: FloatArray, velocity: FloatArray | None = None) -> FloatArray:
+        """Velocity through the air in body axes, shape ``(2, n)``."""
+        ground = self.velocity if velocity is None else velocity
+        return np.asarray(ground - wind[0] * self.north - wind[1] * self.east)
+
+    @cached_property
+    def linear(self) -> FloatArray:
+        """Braking, velocity, lever and tilt in the band, shape ``(4, 2, k)``."""
+        return self.in_band(np.stack([self.braking, self.velocity, self.lever, self.tilt]))
+
+
+def _velocities(record: FlightRecord) -> tuple[str, ...]:
+    """Channels of the horizontal velocity: in body axes, or over the earth."""
+    names = record.channel_names
+    if "u" in names and "v" in names and not {"velocity_north", "velocity_east", "psi"} <= set(names):
+        return ("u", "v")
+    return ("velocity_north", "velocity_east")
+
+
+def _stretches(record: FlightRecord, intervals: Intervals) -> list[_Stretch]:
+    """Stretches of 10 s and more of the flights, without their ends."""
+    if why := dead_accelerometer(record):
+        raise InsufficientDataError(why, needed="an accelerometer, to measure drag", remedy=CHECK_SENSORS)
+    names = record.channel_names
+    velocities = _velocities(record)
+    wanted = ["ax", "ay", "phi", "theta", *velocities]
+    if velocities[0] != "u":
+        wanted.append("psi")
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        raise InsufficientDataError(
+            f"{record.source.name} lacks {missing[0]}",
+            needed="specific force, attitude and velocity, to measure drag",
+            remedy="log accelerometers, attitude and an estimated velocity",
+        )
+    wanted += [name for name in ("psi", "velocity_down") if name in names and name not in wanted]
+    inner = tuple(
+        (start_s + _EDGE_S, stop_s - _EDGE_S)
+        for start_s, stop_s in intervals
+        if stop_s - start_s > _SHORTEST_S + 2.0 * _EDGE_S
+    )
+    if not inner:
+        return []
+    histories = flown(record).histories(wanted, intervals=inner)
+    return [_stretch(history) for history in histories if history.duration_s >= _SHORTEST_S]
+
+
+def _stretch(history: TimeHistory) -> _Stretch:
+    size, rate_hz = history.values.shape[1], history.sample_rate_hz
+    one, zero = np.ones(size), np.zeros(size)
+    known = "psi" in history.names
+    if not known:
+        psi = replace(history.channels[0], name="psi", unit="rad", source="")
+        history = replace(history, values=np.vstack([history.values, zero]), channels=(*history.channels, psi))
+    if "u" in history.names:
+        velocity = np.stack([history["u"], history["v"]])
+    else:
+        down = history["velocity_down"] if "velocity_down" in history.names else zero
+        velocity = to_body(history, np.stack([history["velocity_north"], history["velocity_east"], down]))[:2]
+    p, q, r = _rates(history)
+    p_dot, q_dot = derivative(np.stack([p, q]), rate_hz)
+    return _Stretch(
+        rate_hz=rate_hz,
+        braking=-np.stack([history["ax"], history["ay"]]),
+        velocity=velocity,
+        tilt=_lagged(gravity_in_body(history)[:2], rate_hz),
+        lever=-np.stack([q_dot + p * r, q * r - p_dot]),
+        north=to_body(history, np.stack([one, zero, zero]))[:2],
+        east=to_body(history, np.stack([zero, one, zero]))[:2],
+        heading_known=known,
+    )
+
+
+def _rates(history: TimeHistory) -> FloatArray:
+    """Body rates from the attitude, which is logged as fast as the instrument needs."""
+    phi, theta = history["phi"], history["theta"]
+    phi_dot, theta_dot, psi_dot = derivative(np.stack([history[name] for name in ATTITUDE]), history.sample_rate_hz)
+    return np.stack(
+        [
+            phi_dot - psi_dot * np.sin(theta),
+            theta_dot * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi),
+            psi_dot * np.cos(theta) * np.cos(phi) - theta_dot * np.sin(phi),
+        ]
+    )
+
+
+def _lagged(values: FloatArray, rate_hz: float) -> FloatArray:
+    """Behind the lag of the instrument, from rest at the first sample, shape ``(2, n)``."""
+    from scipy.signal import lfilter
+
+    keep = math.exp(-1.0 / (rate_hz * _LAG_S))
+    lagged, _ = lfilter([1.0 - keep], [1.0, -keep], values, axis=-1, zi=keep * values[:, :1])
+    return np.asarray(lagged)
+
+
+def _long_run(scores: FloatArray, seconds: float) -> tuple[FloatArray, float]:
+    """Covariance of the sum of scores that last, shape ``(k, n)``, and what makes its error as wide as Student's.
+
+    The mean over cosines slower than so many cycles in all of the flight, each of which has the variance of the sum.
+    """
+    size = scores.shape[1]
+    count = max(int(seconds / _SLOWEST_S), _FEWEST_COSINES)
+    cosines = np.cos(np.pi * np.outer(np.arange(1, count + 1), np.arange(size) + 0.5) / size)
+    sums = math.sqrt(2.0) * scores @ cosines.T
+    return np.asarray(sums @ sums.T / count), _student(count)
+
+
+def _student(freedom: float) -> float:
+    """Half width of Student's interval of 95 % over that of a normal error."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.975, freedom)) / TWO_SIDED_95
+
+
+def _std(moved: FloatArray) -> float:
+    """Standard deviation by what each coefficient moves an estimate by, as wide as Student's.
+
+    Of normal errors the fourth power is three times the squared variance, hence the degrees of freedom.
+    """
+    squares = moved.ravel() ** 2
+    total = float(squares.sum())
+    if not total > 0.0:
+        return 0.0
+    return math.sqrt(total) * _student(max(3.0 * total**2 / float(squares @ squares), 2.0))
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """Both regressions of all logs: drag and height by the instrument, drag by least squares, and their errors."""
+
+    value: FloatArray
+    std: float
+    height_std: float
+    plain: float
+    plain_std: float
+    difference_std: float
+    correlation: float
+    speed_m_s: float
+    weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, by_log: Sequence[Sequence[_Stretch]]) -> _Solved:
+        weights = [1.0] * len(by_log)
+        # Second, each log by the noise that the first fit left of it.
+        for _ in range(1 if len(by_log) == 1 else 2):
+            braking, columns, by_tilt = _together(by_log, weights)
+            found, moved = _fitted(braking, columns, by_tilt)
+            weights = [
+                1.0 / math.sqrt(float(np.mean([np.mean(_left(s.linear, found) ** 2) for s in log]))) if log else 0.0
+                for log in by_log
+            ]
+        plain, plain_moved = _fitted(braking, columns, columns)
+        velocity, tilt = columns[0].ravel(), by_tilt[0].ravel()
+        size = math.sqrt(float(velocity @ velocity) * float(tilt @ tilt))
+        stretches = [stretch for log in by_log for stretch in log]
+        motion = sum(float(np.sum(stretch.linear[1] ** 2)) for stretch in stretches)
+        return cls(
+            value=found,
+            std=_std(moved[0]),
+            height_std=_std(moved[1]),
+            plain=float(plain[0]),
+            plain_std=_std(plain_moved[0]),
+            difference_std=_std(moved[0] - plain_moved[0]),
+            correlation=float(velocity @ tilt) / size if size > 0.0 else 0.0,
+            speed_m_s=math.sqrt(motion / sum(stretch.seconds for stretch in stretches)),
+            weights=tuple(weights),
+        )
+
+
+def _left(linear: FloatArray, found: FloatArray) -> FloatArray:
+    braking, velocity, lever, _ = linear
+    return np.asarray(braking - found[0] * velocity - found[1] * lever)
+
+
+def _together(
+    by_log: Sequence[Sequence[_Stretch]], weights: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Braking, columns and instruments of all logs, each by its weight."""
+    rows = [weight * stretch.linear for log, weight in zip(by_log, weights, strict=True) for stretch in log]
+    braking, velocity, lever, tilt = np.concatenate(rows, axis=-1)
+    return braking, np.stack([velocity, lever]), np.stack([tilt, lever])
+
+
+def _fitted(braking: FloatArray, columns: FloatArray, instruments: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Estimates, and what the error of each coefficient moves them by, shape ``(estimates, 2, k)``.
+
+    Columns and instruments have the shape ``(estimates, 2, k)``.
+    """
+    crossed = np.einsum("ian,jan->ij", instruments, columns)
+    pulled = np.einsum("ij,jan->ian", np.linalg.pinv(crossed, rcond=1e-12), instruments)
+    found = np.einsum("ian,an->i", pulled, braking)
+    left = braking - np.einsum("i,ian->an", found, columns)
+    leverage = np.clip(np.einsum("ian,ian->an", pulled, columns), 0.0, _MOST_LEVERAGE)
+    return found, np.asarray(pulled * left / (1.0 - leverage))
+
+
+@dataclass(frozen=True)
+class _Wind:
+    """Wind and bias of a log with their covariance: north, east, forward, right."""
+
+    value: FloatArray
+    covariance: FloatArray
+    wider: float
+
+    @property
+    def mean(self) -> FloatArray:
+        return self.value[:2]
+
+
+def _wind(log: Sequence[_Stretch], at_rest: float, square: float) -> _Wind:
+    """Wind by what braking leaves at all frequencies, with the bias as a number that is known to 0.2 m/s²."""
+    found, known = np.zeros(4), np.diag([0.0, 0.0, _BIAS_M_S2**-2, _BIAS_M_S2**-2])
+    seconds = sum(stretch.seconds for stretch in log)
+    for _ in range(_ROUNDS if square else 1):
+        left, slopes = _wind_columns(log, found, at_rest, square)
+        # Without the bias first, for the size of what lasts.
+        first = np.linalg.lstsq(slopes[:2].reshape(2, -1).T, left.ravel(), rcond=None)[0]
+        rest = left - np.einsum("k,kan->an", first, slopes[:2])
+        size = rest.shape[1]
+        lasting = float(np.trace(_long_run(rest, seconds)[0])) / (2.0 * size)
+        lasting = max(lasting, 1e-6)
+        information = np.einsum("kan,lan->kl", slopes, slopes) / lasting + known
+        inverse = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
+        # The bias is about zero, whatever the last round found.
+        step = inverse @ (np.einsum("kan,an->k", slopes, left) / lasting - known @ found)
+        found = found + step
+    left = left - np.einsum("k,kan->an", step, slopes)
+    scores = np.einsum("kan,an->kn", slopes, left) / lasting
+    covariance, wider = _long_run(scores, seconds)
+    # What is known of the bias counts as one more observation; random errors are at least those of the residual.
+    total = inverse @ (covariance + known) @ inverse
+    return _Wind(found, np.asarray(total), wider)
+
+
+def _wind_columns(
+    log: Sequence[_Stretch], found: FloatArray, at_rest: float, square: float
+) -> tuple[FloatArray, FloatArray]:
+    """What braking leaves, and its slopes by wind and bias, shapes ``(2, n)`` and ``(4, 2, n)``."""
+    left, slopes = [], []
+    for stretch in log:
+        air = stretch.airspeed(found[:2])
+        size = air.shape[1]
+        bias = np.stack([np.stack([np.ones(size), np.zeros(size)]), np.stack([np.zeros(size), np.ones(size)])])
+        slope = at_rest + 2.0 * square * np.abs(air)
+        rest = stretch.braking - (at_rest + square * np.abs(air)) * air - np.einsum("k,kan->an", found[2:], bias)
+        left.append(stretch.thinned(rest))
+        slopes.append(stretch.thinned(np.stack([-slope * stretch.north, -slope * stretch.east, *bias])))
+    return np.concatenate(left, axis=-1), np.concatenate(slopes, axis=-1)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Drag at rest and by the square."""
+
+    at_rest: Quantity
+    quadratic: Quantity
+
+    @property
+    def grows(self) -> bool:
+        """Whether the slope grows with the airspeed for sure, so that wind and top speed count with it."""
+        return self.quadratic.lower > 0.0
+
+
+def _with_square(by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: Sequence[FloatArray]) -> _Parts | None:
+    """Drag at rest and by the square of the airspeed along each axis; ``None`` where the airspeed varies too little."""
+    speeds = np.concatenate(
+        [np.abs(s.airspeed(wind)).ravel() for log, wind in zip(by_log, winds, strict=True) for s in log]
+    )
+    slow, fast = np.percentile(speeds, [5, 95])
+    if not all(stretch.heading_known for log in by_log for stretch in log) or fast < _FACTOR * slow:
+        return None
+    values = np.array([solved.value[0], 0.0])
+    for _ in range(_ROUNDS):
+        values, moved = _square_fit(by_log, solved, winds)
+        if not (values[0] > 0.0 and values[0] + values[1] * fast > 0.0):
+            return None
+        winds = [_wind(log, values[0], values[1]).mean for log in by_log]
+    stds = np.array([_std(moved[0]), _std(moved[1])])
+    for place, log in enumerate(by_log):
+        found = _wind(log, values[0], values[1])
+        for axis in range(2):
+            # What the error of the wind moves both by.
+            others = [wind.copy() for wind in winds]
+            others[place][axis] += math.sqrt(found.covariance[axis, axis])
+            stds = np.hypot(stds, _square_fit(by_log, solved, others)[0][:2] - values[:2])
+    stds = np.hypot(stds, _SCATTER * np.abs(values[:2]))
+    # A square that is known no better than the drag itself at full speed shows nothing.
+    if stds[1] * fast > _WORST * solved.value[0]:
+        return None
+    return _Parts(_quantity(values[0], stds[0], "1/s"), _quantity(values[1], stds[1], "1/m"))
+
+
+def _square_fit(
+    by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: Sequence[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Drag at rest, by the square, height, and what each coefficient moves them by, at some winds."""
+    braking, columns, instruments = [], [], []
+    for log, wind, weight in zip(by_log, winds, solved.weights, strict=True):
+        for stretch in log:
+            moved, tilt = stretch.linear[1], stretch.linear[3]
+            gain = float(np.sum(moved * tilt)) / float(np.sum(tilt * tilt))
+            air, predicted = stretch.airspeed(wind), stretch.airspeed(wind, gain * stretch.tilt)
+            rows = stretch.in_band(np.stack([np.abs(air) * air, np.abs(predicted) * predicted]))
+            measured, velocity, lever, by_tilt = stretch.linear
+            braking.append(weight * measured)
+            columns.append(weight * np.stack([velocity, rows[0], lever]))
+            instruments.append(weight * np.stack([by_tilt, rows[1], lever]))
+    return _fitted(*(np.concatenate(part, axis=-1) for part in (braking, columns, instruments)))
+
+
+def _wind_quantities(
+    log: Sequence[_Stretch], wind: _Wind, solved: _Solved, parts: _Parts | None
+) -> tuple[Quantity | None, Quantity | None]:
+    """Wind to north and east with the errors of what is left, of the bias, and of the drag."""
+    if not all(stretch.heading_known for stretch in log):
+        return None, None
+    if parts is None or not parts.grows:
+        std = math.hypot(solved.std, _SCATTER * solved.value[0])
+        others = [_wind(log, solved.value[0] + std, 0.0)]
+    else:
+        others = [
+            _wind(log, parts.at_rest.value + parts.at_rest.std, parts.quadratic.value),
+            _wind(log, parts.at_rest.value, parts.quadratic.value + parts.quadratic.std),
+        ]
+    stds = wind.wider * np.sqrt(np.diag(wind.covariance)[:2])
+    for other in others:
+        stds = np.hypot(stds, other.mean - wind.mean)
+    north, east = (_quantity(value, std, "m/s") for value, std in zip(wind.mean, stds, strict=True))
+    return north, east
+
+
+def _airspeeds(by_log: Sequence[Sequence[_Stretch]], winds: Sequence[FloatArray]) -> tuple[float, float]:
+    """5 and 95 % quantiles of the horizontal airspeed."""
+    speeds = np.concatenate([np.hypot(*s.airspeed(wind)) for log, wind in zip(by_log, winds, strict=True) for s in log])
+    slow, fast = np.percentile(speeds, [5, 95]).tolist()
+    return slow, fast

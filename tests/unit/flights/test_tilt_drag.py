@@ -1,0 +1,130 @@
+"""Drag and wind from tilt, velocity and specific force: the truth of flights that were made up, and refusals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.twins.tilt_flights import tilt_flights
+
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.tilt_drag import TiltDrag, tilt_drag, tilt_drag_of
+
+WHOLE = ((0.0, 90.0),)
+
+
+def found_in(records: list[FlightRecord]) -> list[TiltDrag]:
+    return [tilt_drag(record, WHOLE) for record in records]
+
+
+def deviations(found: list[TiltDrag], number: Callable[[TiltDrag], Quantity | None], truth: float) -> np.ndarray:
+    known = [quantity for one in found if (quantity := number(one)) is not None]
+    return np.array([(quantity.value - truth) / quantity.std for quantity in known])
+
+
+def without(record: FlightRecord, name: str) -> FlightRecord:
+    (topic,) = record.topics
+    kept = [place for place, channel in enumerate(topic.channels) if channel.name != name]
+    channels = tuple(topic.channels[place] for place in kept)
+    return replace(record, topics=(replace(topic, channels=channels, values=topic.values[kept]),))
+
+
+def test_drag_and_wind_of_flights_in_gusts_come_back() -> None:
+    found = found_in(tilt_flights(24, seed=11, wind_m_s=(3.0, -2.0), gust_m_s=0.6, turning_rad_s=0.06, bias_m_s2=0.2))
+    for number, truth in (
+        (lambda one: one.drag, 0.3),
+        (lambda one: one.wind_north, 3.0),
+        (lambda one: one.wind_east, -2.0),
+    ):
+        each = deviations(found, number, truth)
+        # Of 24 flights in an interval of 95 %, 20 and more with a chance of 99.4 %.
+        assert np.count_nonzero(np.abs(each) < 1.96) >= 20
+        assert math.sqrt(float(np.mean(each**2))) < 1.5
+    assert np.median([one.drag.std for one in found]) < 0.06 * 0.3 + 0.005
+
+
+def test_errors_of_the_velocity_spoil_plain_regression_and_not_the_instrument() -> None:
+    found = found_in(tilt_flights(12, seed=3, tilt_rad=0.04, velocity_error_m_s=0.4))
+    assert np.mean([one.drag.value for one in found]) == pytest.approx(0.3, rel=0.04)
+    assert np.mean([one.plain.value for one in found]) < 0.25
+    assert np.max(np.abs(deviations(found, lambda one: one.drag, 0.3))) < 3.0
+    telling = [one for one in found if not one.agrees]
+    assert len(telling) >= 6
+    (finding,) = telling[0].findings()
+    assert finding.kind == "both_ways_disagree"
+    assert finding.numbers == {"drag_1_s": telling[0].drag.value, "plain_1_s": telling[0].plain.value}
+
+
+def test_an_accelerometer_off_the_center_of_gravity_does_not_count_as_drag() -> None:
+    found = found_in(tilt_flights(12, seed=5, tilt_rad=0.06, stick_s=1.0, height_m=-0.05))
+    assert np.max(np.abs(deviations(found, lambda one: one.drag, 0.3))) < 3.0
+    assert np.mean([one.height.value for one in found]) == pytest.approx(-0.05, abs=0.004)
+
+
+def test_drag_that_grows_with_the_square_and_logs_in_different_winds() -> None:
+    made = {"drag_1_s": 0.2, "square_1_m": 0.04, "tilt_rad": 0.2, "stick_s": 3.0}
+    calm = tilt_flights(8, seed=6, **made)  # type: ignore[arg-type]
+    windy = tilt_flights(8, seed=7, **made, wind_m_s=(3.0, 1.0), turning_rad_s=0.1)  # type: ignore[arg-type]
+    together = [tilt_drag_of([(one, WHOLE), (other, WHOLE)]) for one, other in zip(calm, windy, strict=True)]
+    for number, truth in ((lambda one: one.at_rest, 0.2), (lambda one: one.quadratic, 0.04)):
+        each = deviations(together, number, truth)
+        assert each.size == 8
+        assert np.max(np.abs(each)) < 3.0
+    known = [one.quadratic.std for one in together if one.quadratic is not None]
+    assert np.median(known) < 0.003
+    # (d + c V cos) V cos = g sin.
+    along = 0.5 * (math.sqrt(0.2**2 + 4.0 * 0.04 * 0.5 * 9.80665) - 0.2) / 0.04
+    top = together[0].top_speed()
+    assert top.lower < along / math.cos(math.radians(30.0)) < top.upper
+    assert top.std < 0.06 * top.value
+
+
+def test_a_drag_in_proportion_gives_the_tangent_of_the_tilt() -> None:
+    (found,) = found_in(tilt_flights(1, seed=2))
+    known = replace(found, at_rest=None, quadratic=None)
+    top = known.top_speed(math.radians(30.0))
+    assert top.value == pytest.approx(9.80665 * math.tan(math.radians(30.0)) / found.drag.value)
+    assert top.lower < top.value < top.upper
+    assert top.upper - top.value > top.value - top.lower
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ({"tilt_rad": 0.005, "velocity_error_m_s": 0.02}, "horizontal motion"),
+        ({"tilt_rad": 0.004, "velocity_error_m_s": 0.6}, "follows the tilt"),
+        ({"tilt_rad": 0.03, "gust_m_s": 1.5}, "error below 25 %"),
+    ],
+)
+def test_a_flight_that_does_not_show_drag_is_not_enough_data(made: dict[str, float], words: str) -> None:
+    records = tilt_flights(6, seed=8, wind_m_s=(2.0, 0.0), **made)  # type: ignore[arg-type]
+    messages = []
+    for record in records:
+        with pytest.raises(InsufficientDataError) as caught:
+            tilt_drag(record, WHOLE)
+        messages.append(str(caught.value))
+        assert caught.value.remedy
+    assert any(words in message for message in messages)
+
+
+@pytest.mark.parametrize("name", ["ax", "phi", "psi", "velocity_east"])
+def test_a_missing_channel_is_named(name: str) -> None:
+    (record,) = tilt_flights(1, seed=2)
+    with pytest.raises(InsufficientDataError, match=f"lacks {name}"):
+        tilt_drag(without(record, name), WHOLE)
+
+
+def test_short_flights_and_dead_accelerometers_show_no_drag() -> None:
+    (record,) = tilt_flights(1, seed=2)
+    with pytest.raises(InsufficientDataError, match="0 s in the air"):
+        tilt_drag(record, ((0.0, 12.0),))
+    (topic,) = record.topics
+    dead = np.array([[channel.name not in ("ax", "ay", "az")] for channel in topic.channels])
+    broken = replace(record, topics=(replace(topic, values=topic.values * dead),))
+    with pytest.raises(InsufficientDataError, match="specific force"):
+        tilt_drag(broken, WHOLE)
