@@ -267,7 +267,8 @@ KINDS: Mapping[str, Kind] = {
     "both_ways_disagree": Kind(
         "warning",
         "Regressions disagree",
-        "Regression of acceleration on torque and of torque on acceleration disagree even after correction for noise.",
+        "Two regressions disagree: of acceleration and torque on each other after correction for noise, or drag by the "
+        "tilt and by the logged velocity.",
     ),
     "channels_disagree": Kind(
         "warning",

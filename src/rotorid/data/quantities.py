@@ -28,7 +28,7 @@ from rotorid.data.quantity import (
 from rotorid.errors import UsageError
 
 Part: TypeAlias = Literal[
-    "loops", "tracking", "margins", "noise", "motors", "battery", "wind", "flight", "tuning", "response"
+    "loops", "tracking", "margins", "noise", "motors", "battery", "wind", "drag", "flight", "tuning", "response"
 ]
 """The part of a review that holds a figure, as its document and the table of a fleet name it, or another verb."""
 
@@ -485,6 +485,13 @@ _WIND = {
     "direction_deg": FigureOfMerit(words="wind from", unit="°"),
 }
 
+_DRAG = {
+    "drag_1_s": FigureOfMerit(words="drag over mass", unit="1/s", keeps_sign=True),
+    "drag_at_rest_1_s": FigureOfMerit(words="drag over mass at low speed", unit="1/s", keeps_sign=True),
+    "quadratic_drag_1_m": FigureOfMerit(words="drag over mass by the square of speed", unit="1/m"),
+    "top_speed_m_s": FigureOfMerit(words="airspeed in level flight at 30° of tilt", unit="m/s", keeps_sign=True),
+}
+
 _TUNING = {
     "rejection_bandwidth_rad_s": FigureOfMerit(words="disturbance-rejection bandwidth", unit="rad/s"),
     "rejection_peak_db": FigureOfMerit(words="disturbance-rejection peak", unit="dB"),
@@ -518,6 +525,7 @@ BY_PART: Mapping[Part, Mapping[str, FigureOfMerit]] = MappingProxyType(
         "battery": _BATTERY,
         "flight": _FLIGHT,
         "wind": _WIND,
+        "drag": _DRAG,
         "tuning": _TUNING,
         "response": _RESPONSE,
     }

@@ -21,6 +21,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "control": "control",
         "flight": "flight",
         "flight.battery": "battery",
+        "flight.drag": "drag",
         "flight.wind": "wind",
         "flight.modes": "flight modes",
         "logging": "logging",

@@ -213,6 +213,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     findings = [
         *(control.findings if control is not None else ()),
         *record.findings,
+        *summary.findings,
         *remarks("sensors", lambda: sensors(record)),
         *remarks("controllers", lambda: controller_findings(record)),
         *remarks("oscillations", lambda: oscillation_findings(swinging)),

@@ -434,6 +434,19 @@ def _at_limits(numbers: Mapping[str, Quantity]) -> str:
     return f"A motor was {' and '.join(parts)} of the flight." if parts else ""
 
 
+def _drag_words(review: Review) -> str:
+    """Drag, the speed that it allows, and the wind, as a sentence; empty where there is no drag."""
+    drag, wind = review.flight.drag, review.flight.wind
+    if "drag_1_s" not in drag:
+        return ""
+    numbers = {name: QUANTITIES[name].shown(number) for name, number in {**drag, **wind}.items()}
+    reach = f"Drag is {numbers['drag_1_s']}: level flight at 30° of tilt reaches about {numbers['top_speed_m_s']}."
+    if "speed_m_s" not in numbers:
+        return reach
+    source = f" from {numbers['direction_deg']}" if "direction_deg" in numbers else ""
+    return f"{reach} The wind was {numbers['speed_m_s']}{source}."
+
+
 def _power(review: Review) -> Card:
     key, title = "power", "Is there enough power?"
     battery, throttle, ratio = review.flight.battery, review.flight.hover_throttle, review.flight.thrust_to_weight
@@ -457,6 +470,7 @@ def _power(review: Review) -> Card:
     also = together(
         f"It {hover}." if thrust and hover else "",
         capital(f"{weighed}.") if weighed else "",
+        _drag_words(review),
         volts,
         _not_measured(missing),
     )

@@ -8,13 +8,15 @@ Thrust over weight follows from the throttle of hover where the autopilot knows 
 is linear in thrust, so that the ratio is its inverse) or where the usual curve is known (PX4). Elsewhere it is the
 largest specific force at full throttle, if the vehicle made less at lower throttle: thrust of a rotor falls as it
 climbs, so that full throttle in a steady climb makes one weight and shows no ratio. Thrust grows with the throttle at
-least in proportion, hence the most thrust is at least :math:`f/u` of the specific force f at throttle u.
+least in proportion, hence the most thrust is at least :math:`f/u` of the specific force f at throttle u. Drag is
+that of :mod:`rotorid.flights.tilt_drag`, and so is the wind where drag is found.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,6 +30,7 @@ from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.hover import FEWEST_SECONDS, hover_of, thrust_curve
 from rotorid.flights.same_vehicle import frame_of
+from rotorid.flights.tilt_drag import TiltDrag, tilt_drag
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview, section
 from rotorid.signal.airborne import airborne, in_air
@@ -65,6 +68,9 @@ _FULL = 0.9
 _LOW, _NEAR_WEIGHT = 0.15, 0.15
 """Throttle from which specific force is compared with that at full throttle, where it is within this of the weight."""
 
+_WIDEST_TURN_DEG = 90.0
+"""Standard deviation of the direction of a wind from which it is not known."""
+
 _COMPARED_S = 2.0
 """Flight at lower throttle that a comparison needs."""
 
@@ -96,7 +102,7 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...
 
 
 def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]]:
-    """Flights, battery, throttle of hover, thrust over weight, wind and modes.
+    """Flights, battery, throttle of hover, thrust over weight, drag, wind and modes.
 
     Raises
     ------
@@ -112,7 +118,10 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     unavailable += missing
     (hover, ratio), missing = section("flight.thrust_to_weight", partial(_thrust, record, flights), neither)
     unavailable += missing
-    wind, missing = section("flight.wind", partial(_wind, record, flights), none)
+    found_drag: TiltDrag | None = None
+    found_drag, missing = section("flight.drag", lambda: (tilt_drag(record, flights), ()), found_drag)
+    unavailable += missing
+    wind, missing = section("flight.wind", partial(_wind, record, flights, found_drag), none)
     unavailable += missing
     modes = _modes(record, flights)
     if not modes:
@@ -127,7 +136,9 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
         hover_throttle=hover,
         thrust_to_weight=ratio,
         wind=wind,
+        drag={} if found_drag is None else _drag_numbers(found_drag),
         modes=modes,
+        findings=() if found_drag is None else found_drag.findings(),
     )
     return summary, tuple(unavailable)
 
@@ -293,24 +304,41 @@ def _by_hover(record: FlightRecord, hover: Quantity) -> Quantity:
     return Quantity(value=value, std=std, lower=min(max(lower, 1.0), value), upper=upper, unit="1")
 
 
-def _wind(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:
-    _, north = in_air(record, "wind_north", flights)
-    _, east = in_air(record, "wind_east", flights)
-    if north.size < 5 or north.size != east.size or not (np.any(north) or np.any(east)):
+def _drag_numbers(found: TiltDrag) -> dict[str, Quantity]:
+    """Figures of ``drag``; those of the square only where it is there for sure."""
+    numbers = {"drag_1_s": found.drag}
+    if found.at_rest is not None and found.quadratic is not None and found.quadratic.lower > 0.0:
+        numbers |= {"drag_at_rest_1_s": found.at_rest, "quadratic_drag_1_m": found.quadratic}
+    return {**numbers, "top_speed_m_s": found.top_speed()}
+
+
+def _wind(
+    record: FlightRecord, flights: Intervals, drag: TiltDrag | None
+) -> tuple[dict[str, Quantity], list[Unavailable]]:
+    """Wind by drag and tilt, else as the autopilot estimates it."""
+    if drag is not None and drag.wind_north is not None and drag.wind_east is not None:
+        north, east = drag.wind_north, drag.wind_east
+        return _wind_numbers(north.value, east.value, math.hypot(north.std, east.std) / math.sqrt(2.0)), []
+    _, northward = in_air(record, "wind_north", flights)
+    _, eastward = in_air(record, "wind_east", flights)
+    if northward.size < 5 or northward.size != eastward.size or not (np.any(northward) or np.any(eastward)):
         why = "The log contains no wind estimate."
         return {}, [Unavailable(what="flight.wind", why=why, remedy=wind_advice(record))]
-    mean_n, mean_e = float(np.mean(north)), float(np.mean(east))
-    speed = math.hypot(mean_n, mean_e)
     # An estimator's own error is about this large; the spread of its estimate contains gusts.
-    std = math.hypot(0.5, float(np.hypot(np.std(north), np.std(east))) / math.sqrt(10.0))
-    # Wind is named by where it comes from.
-    direction = math.degrees(math.atan2(-mean_e, -mean_n)) % 360.0
-    turn = min(math.degrees(std / speed) if speed > 0.0 else 180.0, 180.0)
+    std = math.hypot(0.5, float(np.hypot(np.std(northward), np.std(eastward))) / math.sqrt(10.0))
+    return _wind_numbers(float(np.mean(northward)), float(np.mean(eastward)), std), []
+
+
+def _wind_numbers(north_m_s: float, east_m_s: float, std: float) -> dict[str, Quantity]:
+    """Speed, and the direction that the wind comes from, of a wind with one error along and across."""
+    speed = math.hypot(north_m_s, east_m_s)
+    direction = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360.0
     found = Quantity.normal(speed, std, "m/s")
-    return {
-        "speed_m_s": Quantity(value=speed, std=std, lower=max(found.lower, 0.0), upper=found.upper, unit="m/s"),
-        "direction_deg": Quantity.normal(direction, turn, "deg"),
-    }, []
+    numbers = {"speed_m_s": replace(found, lower=max(found.lower, 0.0))}
+    # A wind that may come from anywhere has no direction.
+    if speed > 0.0 and (turn := math.degrees(std / speed)) < _WIDEST_TURN_DEG:
+        numbers["direction_deg"] = Quantity.normal(direction, turn, "deg")
+    return numbers
 
 
 def _modes(record: FlightRecord, flights: Intervals) -> dict[str, float]:

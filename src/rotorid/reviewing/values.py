@@ -257,9 +257,13 @@ class FlightSummary(Immutable):
     hover_throttle, thrust_to_weight
         Usual thrust, and full thrust by a model of the motors, by the largest acceleration, or by a thrust curve.
     wind
-        Figures of ``wind``, where the log estimates it.
+        Figures of ``wind``: by drag and tilt, else as the autopilot estimates it.
+    drag
+        Figures of ``drag``, by the tilt as instrument.
     modes
         Share of the time in the air of each flight mode, by name.
+    findings
+        What the reader of these numbers should know.
     """
 
     flights: Intervals
@@ -268,12 +272,15 @@ class FlightSummary(Immutable):
     hover_throttle: Quantity | None = None
     thrust_to_weight: Quantity | None = None
     wind: Mapping[str, Quantity] = field(default_factory=dict)
+    drag: Mapping[str, Quantity] = field(default_factory=dict)
     modes: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         require_figures("battery", self.battery)
         require_figures("wind", self.wind)
-        self._set(battery=self.battery, wind=self.wind, modes=self.modes)
+        require_figures("drag", self.drag)
+        self._set(battery=self.battery, wind=self.wind, drag=self.drag, modes=self.modes)
 
 
 @dataclass(frozen=True, kw_only=True)

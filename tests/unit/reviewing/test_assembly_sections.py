@@ -50,6 +50,7 @@ MAKERS = {
     ("motors.thrust_coefficient", motors, "weight_balance"): "motors",
     ("flight.battery", flight, "_battery"): "flight",
     ("flight.thrust_to_weight", flight, "_thrust"): "flight",
+    ("flight.drag", flight, "tilt_drag"): "flight",
     ("vehicle", assembly, "vehicle"): "vehicle",
     ("next_commands", assembly, "next_commands"): "next_commands",
 }
@@ -59,7 +60,7 @@ DEPENDS = {
     "loops": {"noise", "next_commands"},
     "oscillations": {"calm", "next_commands"},
     "vehicle": {"next_commands"},
-    "flight": {"next_commands"},
+    "flight": {"next_commands", "drag", "wind"},
 }
 """Fields that follow from another one."""
 
