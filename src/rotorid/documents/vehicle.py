@@ -27,11 +27,12 @@ from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
 from rotorid.flying.vehicle_from_results import MOTION, UNITS
 from rotorid.io import documents
+from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
 from rotorid.models.rotors import SPINS, UP, RotorLayout, library_layout
 from rotorid.simulation.autopilot import Autopilot, Guidance, Kind, RateLoop
-from rotorid.simulation.multirotor import Battery, Multirotor, Rotors, Sensors
+from rotorid.simulation.multirotor import Battery, Multirotor, RotorFlow, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import VEHICLES, VehicleEntry, aircraft, aircraft_names
 from rotorid.vehicles.px4 import with_gains
@@ -72,6 +73,7 @@ class BodyTable(Document):
     inertia_kg_m2: Triple | tuple[Triple, Triple, Triple]
     center_of_gravity_m: Triple = (0.0, 0.0, 0.0)
     quadratic_drag_n_s2_m2: Triple = (0.0, 0.0, 0.0)
+    vertical_drag_n_s2_m2: float = 0.0
     derivatives: dict[str, float] | None = None
     aerodynamics: list[list[float]] | None = None
     effectiveness: list[list[float]] | None = None
@@ -86,10 +88,26 @@ class RotorTable(Document):
     yaw_weight: float | None = None
 
 
+class FlowTable(Document):
+    """What moving air does beyond induced drag and inflow: induced velocity by momentum theory, flapping, wake."""
+
+    disc_m2: float = 0.0
+    air_density_kg_m3: float = AIR_DENSITY_KG_M3
+    edge_lift_n_s_m: float = 0.0
+    edge_climb_lift_n_s2_m2: float = 0.0
+    edge_speed_lift_n_s2_m2: float = 0.0
+    wake_n_s2_m3: float = 0.0
+    climb_drag_n_s2_m2: float = 0.0
+    flapping_n_s2_m: float = 0.0
+    side_flapping_n_s: float = 0.0
+    inflow_torque_n_s2_m: float = 0.0
+    yaw_damping_n_m_s: float = 0.0
+
+
 class RotorsTable(Document):
     """What the rotors do. Places come from ``layout`` and ``arm_m``, or from tables ``[[rotor]]``.
 
-    ``thrust_n`` and ``torque_n_m`` are coefficients of the powers 0, 1 and 2 of the lagged output.
+    ``thrust_n`` and ``torque_n_m`` are coefficients of the powers 0, 1 and 2 of the lagged output, in still air.
     """
 
     thrust_n: Triple
@@ -104,6 +122,7 @@ class RotorsTable(Document):
     inflow_n_s_m: float = 0.0
     inertia_kg_m2: float = 0.0
     full_speed_rad_s: float = 0.0
+    flow: FlowTable | None = None
 
 
 class RatesTable(Document):
@@ -280,7 +299,7 @@ def _require_keys(kind: type[BaseModel], table: Mapping[str, Any], where: str) -
                 needed="" if near else f"some of {', '.join(known)}",
                 remedy=f"did you mean {near}?" if near else "",
             )
-        part = _TABLES.get(key) if kind in (VehicleFile, AutopilotTable) else None
+        part = _TABLES.get(key) if kind in (VehicleFile, AutopilotTable, RotorsTable) else None
         for item in value if isinstance(value, list) else [value]:
             if part is not None and isinstance(item, dict):
                 _require_keys(part, item, f"{where}, [{key}]")
@@ -293,6 +312,7 @@ _TABLES: Mapping[str, type[Document]] = {
     "autopilot": AutopilotTable,
     "sensors": SensorsTable,
     "battery": BatteryTable,
+    "flow": FlowTable,
     "rates": RatesTable,
     "guidance": GuidanceTable,
     "linearization": LinearizationTable,
@@ -339,7 +359,14 @@ def _aircraft(file: VehicleFile) -> Aircraft:
         )
     layout = _layout(file)
     wanted = {key: value for key, value in file.rotors.model_dump().items() if key not in ("layout", "arm_m")}
-    rotors = Rotors(layout=layout, thrust=wanted.pop("thrust_n"), torque=wanted.pop("torque_n_m"), **wanted)
+    flow = wanted.pop("flow")
+    rotors = Rotors(
+        layout=layout,
+        thrust=wanted.pop("thrust_n"),
+        torque=wanted.pop("torque_n_m"),
+        flow=None if flow is None else RotorFlow(**flow),
+        **wanted,
+    )
     body = file.body
     vehicle = Multirotor(
         name=file.name,
@@ -348,6 +375,7 @@ def _aircraft(file: VehicleFile) -> Aircraft:
         rotors=rotors,
         aerodynamics=_aerodynamics(body),
         quadratic_drag_n_s2_m2=body.quadratic_drag_n_s2_m2,
+        vertical_drag_n_s2_m2=body.vertical_drag_n_s2_m2,
         center_of_gravity_m=body.center_of_gravity_m,
         effectiveness=None if body.effectiveness is None else _matrix("effectiveness", body.effectiveness),
         battery=None if file.battery is None else Battery(**file.battery.model_dump()),
@@ -532,6 +560,8 @@ def _body(vehicle: Multirotor) -> Table:
     for name in ("center_of_gravity_m", "quadratic_drag_n_s2_m2"):
         if any(getattr(vehicle, name)):
             body[name] = list(getattr(vehicle, name))
+    if vehicle.vertical_drag_n_s2_m2:
+        body["vertical_drag_n_s2_m2"] = vehicle.vertical_drag_n_s2_m2
     for name in ("aerodynamics", "effectiveness"):
         matrix = getattr(vehicle, name)
         if matrix is not None and np.any(matrix):
@@ -559,12 +589,13 @@ def _rotor_tables(rotors: Rotors) -> list[str]:
             rotor |= {} if tuple(axis) == UP else {"axis": axis}
             rotor |= {} if weight == spin else {"yaw_weight": weight}
             places += ["", "[[rotor]]", *_lines(rotor)]
-    own = _differing(rotors, None, "layout", "thrust", "torque")
+    own = _differing(rotors, None, "layout", "thrust", "torque", "flow")
     if own.get("lag_down_s") == rotors.lag_up_s:
         del own["lag_down_s"]
     table |= {"thrust_n": list(rotors.thrust)}
     table |= {} if rotors.torque is None else {"torque_n_m": list(rotors.torque)}
-    return [*_table("rotors", table | own), *places]
+    flow = [] if rotors.flow is None else _table("rotors.flow", _differing(rotors.flow, None))
+    return [*_table("rotors", table | own), *flow, *places]
 
 
 def _in_library(layout: RotorLayout) -> bool:

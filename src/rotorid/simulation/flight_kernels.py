@@ -42,6 +42,11 @@ from rotorid.typing import FloatArray
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
+_NEWTON_STEPS, _LEAST_SLOPE = 12, 0.3
+"""At most, and the least slope: in the vortex ring state momentum theory has none that leads anywhere."""
+_SOLVED = 1e-9
+"""Last change of the induced velocity over that of hover: the next one is its square, and so is the error of slopes."""
+
 
 def bare(**options: Any) -> Callable[[Kernel], Kernel]:
     """Compile a kernel without the counting of references.
@@ -103,6 +108,37 @@ def derivative(
             ui, vi, wi = u + q * rz - r * ry, v + r * rx - p * rz, w + p * ry - q * rx
             thrust += body.inflow * x * wi
             drag = -body.induced_drag * x
+            if body.has_flow:
+                # The induced velocity of momentum theory, from that of hover by Newton's method, as in models.flight.
+                hover = body.induced_per_share * x if x.real > 0.0 else 0.0 * x
+                induced, strength, climb = hover, hover * hover, -wi
+                across = ui * ui + vi * vi
+                for _ in range(_NEWTON_STEPS):
+                    through = induced + climb
+                    length = np.sqrt(across + through * through) + 1e-9
+                    slope = 1.0 + strength * through / (length * length * length)
+                    if slope.real < _LEAST_SLOPE:
+                        slope = _LEAST_SLOPE + 0.0 * slope
+                    change = (induced - strength / length) / slope
+                    induced = induced - change
+                    if induced.real < 0.0:
+                        induced = 0.0 * induced
+                    elif induced.real > 3.0 * hover.real + 1.0:
+                        induced = 3.0 * hover + 1.0
+                    if abs(change.real) <= _SOLVED * hover.real:
+                        break
+                lam = climb + induced
+                thrust -= body.inflow * x * (induced - hover)
+                torque += body.inflow_torque * (lam * lam - strength)
+                # Without a corner where there is no edgewise flow.
+                edge = np.sqrt(across + 1e-18)
+                thrust += edge * (body.edge_lift * x + body.edge_climb_lift * climb)
+                thrust += edge * body.edge_speed_lift * np.sqrt(climb * climb)
+                thrust += body.wake * (rx * ui + ry * vi) * climb
+                drag -= body.climb_drag * climb
+                L += body.side_flapping[i] * x * ui - body.flapping * lam * vi
+                M += body.side_flapping[i] * x * vi + body.flapping * lam * ui
+                N -= body.yaw_damping * x * r
             if body.inclined:
                 across = ui * ui + vi * vi
                 total = across + wi * wi
@@ -138,6 +174,8 @@ def derivative(
         X -= body.quadratic_drag[0] * u * np.sqrt(u * u)
         Y -= body.quadratic_drag[1] * v * np.sqrt(v * v)
         Z -= body.quadratic_drag[2] * w * np.sqrt(w * w)
+    if body.vertical_drag != 0.0:
+        Z -= body.vertical_drag * w * np.sqrt(u * u + v * v + w * w)
     lightness = 1.0 / body.mass
     ax, ay, az = X * lightness, Y * lightness, Z * lightness
     J, K = body.inertia, body.inverse_inertia

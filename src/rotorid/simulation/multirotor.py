@@ -23,7 +23,11 @@ with the inflow :math:`k_w`, the induced drag :math:`h_d`, and :math:`\eta_i = 1
 as in Niermeyer, Raffler and Holzapfel, eq 2. The body adds a force and a moment linear in :math:`(V, \omega)`, which
 holds whatever stability derivatives were published, and a drag that grows with the square.
 
-Left out: blade flapping beyond the induced drag, inflow of one rotor into another, ground effect, elastic frames.
+Rotors with a :class:`RotorFlow` change the velocity that they induce with their motion, by momentum theory, flap and
+feel the wake of each other: the equations of `rotorid.models.flight`. Thrust and torque are those of hover all the
+same, so that only what the motion changes is added.
+
+Left out: ground effect, elastic frames.
 
 Value objects come first. What compiled code reads (:class:`Body`, :class:`Supply`, :class:`Senses`, :class:`Control`)
 are the same numbers as plain arrays under names, with the columns in which a flight is logged.
@@ -40,12 +44,74 @@ from numpy.typing import ArrayLike
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
+from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 STATES = 13
 """Position, velocity (north, east, down), quaternion (w, x, y, z; body to earth), rates. The rotors come after."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotorFlow(Immutable):
+    r"""What rotors do beyond drag and inflow that are linear in the motion; the equations of `rotorid.models.flight`.
+
+    With the edgewise flow :math:`h_i` of length :math:`|h_i|`, the climb :math:`c_i = -w_i`, the induced velocity
+    :math:`v_i` and the inflow :math:`\lambda_i = c_i + v_i` of each rotor at the share :math:`x_i` of its full speed.
+
+    Parameters
+    ----------
+    disc_m2
+        Area that a rotor sweeps: the inflow of :attr:`Rotors.inflow_n_s_m` takes in the change of the induced velocity
+        from that of hover. Zero: only the motion counts.
+    air_density_kg_m3
+        Of the air.
+    edge_lift_n_s_m
+        Thrust by :math:`x_i |h_i|`.
+    edge_climb_lift_n_s2_m2, edge_speed_lift_n_s2_m2
+        Thrust by :math:`|h_i| c_i`, and by :math:`|h_i| |c_i|`.
+    wake_n_s2_m3
+        Thrust by :math:`(r_i \cdot h_i) c_i`.
+    climb_drag_n_s2_m2
+        Drag across the rotor by :math:`c_i`, in addition to the induced drag.
+    flapping_n_s2_m
+        Moment that tilts back, by :math:`\lambda_i h_i`.
+    side_flapping_n_s
+        Moment to the side of the rotor's turn, by :math:`x_i h_i`.
+    inflow_torque_n_s2_m
+        Torque by the change of :math:`\lambda_i^2` from that of hover.
+    yaw_damping_n_m_s
+        Moment against the yaw rate by :math:`x_i`.
+    """
+
+    disc_m2: float = 0.0
+    air_density_kg_m3: float = AIR_DENSITY_KG_M3
+    edge_lift_n_s_m: float = 0.0
+    edge_climb_lift_n_s2_m2: float = 0.0
+    edge_speed_lift_n_s2_m2: float = 0.0
+    wake_n_s2_m3: float = 0.0
+    climb_drag_n_s2_m2: float = 0.0
+    flapping_n_s2_m: float = 0.0
+    side_flapping_n_s: float = 0.0
+    inflow_torque_n_s2_m: float = 0.0
+    yaw_damping_n_m_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = vars(self)
+        if not np.isfinite(list(numbers.values())).all() or self.disc_m2 < 0.0 or not self.air_density_kg_m3 > 0.0:
+            raise ModelError(
+                f"the flow of the rotors has {', '.join(f'{name} = {value:g}' for name, value in numbers.items())}",
+                needed="finite numbers, a disc of zero or more, and a positive density",
+            )
+
+    def induced_m_s(self, thrust_n: float) -> float:
+        """Velocity that a rotor induces in hover, m/s; zero without a disc."""
+        return float(np.sqrt(thrust_n / (2.0 * self.air_density_kg_m3 * self.disc_m2))) if self.disc_m2 else 0.0
+
+
+AIR = ("disc_m2", "air_density_kg_m3")
+"""What of a :class:`RotorFlow` is no coefficient."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +123,7 @@ class Rotors(Immutable):
     layout
         Positions in meters from the geometric center, axes, directions of rotation.
     thrust
-        Coefficients of the powers 0, 1 and 2 of the speed's share of its largest, in newtons.
+        Coefficients of the powers 0, 1 and 2 of the speed's share of its largest, in newtons, in still air.
     torque_per_thrust_m
         Torque over thrust; ``torque`` overrides it.
     torque
@@ -72,6 +138,8 @@ class Rotors(Immutable):
         Thrust gained per m/s of descent, at full speed; :math:`-\rho n D^3 \, dc_T/dJ`.
     inertia_kg_m2, full_speed_rad_s
         Of one rotor about its axis, and its speed at a share of one: gyroscopic moments, and reactions to acceleration.
+    flow
+        Induced velocity, flapping and more; none where nothing is known of them.
     """
 
     layout: RotorLayout
@@ -85,6 +153,7 @@ class Rotors(Immutable):
     inflow_n_s_m: float = 0.0
     inertia_kg_m2: float = 0.0
     full_speed_rad_s: float = 0.0
+    flow: RotorFlow | None = None
 
     def __post_init__(self) -> None:
         if not self.layout.arm_known:
@@ -189,6 +258,8 @@ class Multirotor(Immutable):
         Force (N) and moment (N m) of the body per ``u v w`` through the air (m/s) and ``p q r`` (rad/s), ``(6, 6)``.
     quadratic_drag_n_s2_m2
         Along the three axes of the body.
+    vertical_drag_n_s2_m2
+        Along the vertical axis, by the velocity along it times the airspeed.
     center_of_gravity_m
         From the geometric center, to which the layout refers, in body axes.
     effectiveness
@@ -214,6 +285,7 @@ class Multirotor(Immutable):
     rotors: Rotors
     aerodynamics: FloatArray | None = None
     quadratic_drag_n_s2_m2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    vertical_drag_n_s2_m2: float = 0.0
     center_of_gravity_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     effectiveness: FloatArray | None = None
     battery: Battery | None = None
@@ -286,9 +358,25 @@ class Multirotor(Immutable):
         state[STATES:] = self.hover_shares
         return state
 
+    @property
+    def induced_per_share_m_s(self) -> float:
+        """Velocity that a rotor induces in hover, over its speed's share of the largest; zero without a disc.
+
+        Raises
+        ------
+        ModelError
+            The rotors cannot carry the weight.
+        """
+        flow = self.rotors.flow
+        if flow is None or not flow.disc_m2:
+            return 0.0
+        weight_n = self.mass_kg * STANDARD_GRAVITY_M_S2 / self.rotors.layout.rotors
+        return flow.induced_m_s(weight_n) / self.rotors.share_of(weight_n)
+
     def body(self) -> Body:
         """The same as plain numbers, for the kernels."""
         rotors, layout = self.rotors, self.rotors.layout
+        flow = rotors.flow or RotorFlow()
         hubs = self.hubs_m
         forces = self.effectiveness
         if forces is None:
@@ -318,7 +406,19 @@ class Multirotor(Immutable):
             induced_drag=float(rotors.induced_drag_n_s_m),
             inclined=bool(rotors.inclined),
             inflow=float(rotors.inflow_n_s_m),
-            has_air=bool(rotors.induced_drag_n_s_m or rotors.inflow_n_s_m),
+            has_air=bool(rotors.induced_drag_n_s_m or rotors.inflow_n_s_m or rotors.flow),
+            has_flow=rotors.flow is not None,
+            induced_per_share=float(self.induced_per_share_m_s),
+            edge_lift=float(flow.edge_lift_n_s_m),
+            edge_climb_lift=float(flow.edge_climb_lift_n_s2_m2),
+            edge_speed_lift=float(flow.edge_speed_lift_n_s2_m2),
+            wake=float(flow.wake_n_s2_m3),
+            climb_drag=float(flow.climb_drag_n_s2_m2),
+            flapping=float(flow.flapping_n_s2_m),
+            side_flapping=plain(flow.side_flapping_n_s * layout.spins),
+            inflow_torque=float(flow.inflow_torque_n_s2_m),
+            yaw_damping=float(flow.yaw_damping_n_m_s),
+            vertical_drag=float(self.vertical_drag_n_s2_m2),
             spin_momentum=plain(momentum),
             has_spin=bool(np.any(momentum)),
         )
@@ -477,6 +577,22 @@ class Body(NamedTuple):
     """Newtons of thrust per m/s of descent at full speed; negative for climb that unloads."""
     has_air: bool
     """Whether the rotors feel how they move through the air."""
+    has_flow: bool
+    """Whether they do more of what :class:`RotorFlow` holds, in its order."""
+    induced_per_share: float
+    """Induced velocity of hover, m/s, at full speed."""
+    edge_lift: float
+    edge_climb_lift: float
+    edge_speed_lift: float
+    wake: float
+    climb_drag: float
+    flapping: float
+    side_flapping: FloatArray
+    """By the direction of each rotor, shape ``(rotors,)``."""
+    inflow_torque: float
+    yaw_damping: float
+    vertical_drag: float
+    """N/(m/s)², zero for none."""
     spin_momentum: FloatArray
     """Angular momentum of each rotor at full speed, shape ``(3, rotors)``."""
     has_spin: bool

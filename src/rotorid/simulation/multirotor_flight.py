@@ -29,7 +29,7 @@ from rotorid.models.parameter import no_such
 from rotorid.simulation import multirotor as logged
 from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.linearization import trimmed
-from rotorid.simulation.multirotor import STATES, Multirotor, Sensors
+from rotorid.simulation.multirotor import AIR, STATES, Multirotor, Sensors
 from rotorid.simulation.shaping import add_shaping
 from rotorid.simulation.wind import CALM, Wind, blown
 from rotorid.typing import Axis, FloatArray
@@ -511,14 +511,19 @@ def _drag(vehicle: Multirotor, factor: float) -> Multirotor:
     rotors = vehicle.rotors
     assert vehicle.aerodynamics is not None
     x, y, z = (factor * drag for drag in vehicle.quadratic_drag_n_s2_m2)
+    flow = rotors.flow
+    if flow is not None:
+        flow = replace(flow, **{name: factor * value for name, value in vars(flow).items() if name not in AIR})
     return replace(
         vehicle,
         aerodynamics=factor * vehicle.aerodynamics,
         quadratic_drag_n_s2_m2=(x, y, z),
+        vertical_drag_n_s2_m2=factor * vehicle.vertical_drag_n_s2_m2,
         rotors=replace(
             rotors,
             induced_drag_n_s_m=factor * rotors.induced_drag_n_s_m,
             inflow_n_s_m=factor * rotors.inflow_n_s_m,
+            flow=flow,
         ),
     )
 

@@ -17,6 +17,7 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.flying.simulation import simulate
 from rotorid.flying.user_vehicles import own_vehicle
 from rotorid.results.summary import ControllerSettings, Straightening
+from rotorid.simulation.multirotor import RotorFlow
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
 from rotorid.vehicles.catalog import VEHICLES, aircraft, aircraft_names, entry_of
@@ -78,6 +79,17 @@ def test_the_file_in_the_docs_flies() -> None:
     page = (Path(__file__).resolve().parents[3] / "docs" / "vehicles.md").read_text(encoding="utf-8")
     (text,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert parse_vehicle(text, where="vehicles.md").aircraft.vehicle.mass_kg == 1.2
+
+
+def test_moving_air_comes_back_from_a_file() -> None:
+    craft = aircraft("forward_quad")
+    flow = RotorFlow(disc_m2=0.05, flapping_n_s2_m=0.001, wake_n_s2_m3=-0.02)
+    rotors = replace(craft.vehicle.rotors, flow=flow)
+    flying = replace(craft, vehicle=replace(craft.vehicle, rotors=rotors, vertical_drag_n_s2_m2=0.01))
+    text = vehicle_toml(replace(VEHICLES["forward_quad"], make=lambda: flying))
+    again = parse_vehicle(text, where="mine.toml").aircraft.vehicle
+    assert (again.rotors.flow, again.vertical_drag_n_s2_m2) == (flow, 0.01)
+    assert "[flow] has the unknown key disk_m2; did you mean disc_m2?" in refused(text.replace("disc_m2", "disk_m2"))
 
 
 def test_numbers_on_top_of_a_base_count() -> None:

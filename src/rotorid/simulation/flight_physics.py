@@ -1,0 +1,188 @@
+r"""A simulated vehicle by the numbers of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`, and those numbers of one.
+
+Both hold the same equations with thrust written in two ways. A flight is fitted with the thrust that a rotor would make
+without inflow; a simulated vehicle has the thrust of hover, and adds what motion changes. With the induced velocity of
+hover :math:`v_h = \nu x`,
+
+.. math::
+
+    T_{hover} = c_0 + c_1 x + (c_2 - c_\lambda \nu) x^2, \qquad
+    Q_{hover} = \kappa (c_0 + c_1 x + c_2 x^2) + \kappa_\lambda \nu^2 x^2
+
+where x is the speed as the numbers have it: rad/s, or a share of the full speed for motors known by their outputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.models.flight import Airframe, hover_thrust
+from rotorid.models.rotors import RotorLayout
+from rotorid.simulation.multirotor import Multirotor, RotorFlow, Rotors
+from rotorid.units import STANDARD_GRAVITY_M_S2
+
+
+def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLayout, *, full: float = 1.0) -> Rotors:
+    """Rotors that do what these numbers say, without lag where ``T_motor`` is absent.
+
+    Parameters
+    ----------
+    values
+        By the names of :data:`~rotorid.models.flight.FLIGHT_PARAMETERS`; what is absent is zero.
+    airframe
+        Mass, disc and density of the air.
+    layout
+        Of the rotors.
+    full
+        Speed of a rotor at full output in the unit of the numbers: rad/s, or one for outputs.
+
+    Raises
+    ------
+    ModelError
+        The rotors cannot carry the weight.
+
+    Examples
+    --------
+    >>> from rotorid.models.rotors import library_layout
+    >>> layout = library_layout("quad.x").scaled(0.25)
+    >>> frame = Airframe(positions=layout.positions, spins=layout.spins, mass_kg=1.2, disc_m2=0.05)
+    >>> rotors = rotors_with({"c_2": 12.0, "c_lambda": 0.5, "k_d": 0.1}, frame, layout)
+    >>> rotors.induced_drag_n_s_m, [round(term, 3) for term in rotors.thrust]
+    (0.1, [0.0, 0.0, 7.968])
+    """
+    get = {name: values.get(name, 0.0) for name in _NAMES}.__getitem__
+    found = hover_thrust(values, airframe)
+    per_share = full * found.induced_m_s / found.speed
+    inflow = full * get("c_lambda")
+    c_0, c_1, c_2 = get("c_0"), full * get("c_1"), full**2 * get("c_2")
+    kappa = get("kappa")
+    lag_s = get("T_motor")
+    return Rotors(
+        layout=layout,
+        thrust=(c_0, c_1, c_2 - inflow * per_share),
+        torque=(kappa * c_0, kappa * c_1, kappa * c_2 + get("kappa_lambda") * per_share**2),
+        lag_up_s=lag_s,
+        lag_down_s=lag_s,
+        induced_drag_n_s_m=full * get("k_d"),
+        inflow_n_s_m=inflow,
+        inertia_kg_m2=get("J_r"),
+        full_speed_rad_s=full,
+        flow=RotorFlow(
+            disc_m2=airframe.disc_m2,
+            air_density_kg_m3=airframe.density_kg_m3,
+            edge_lift_n_s_m=full * get("c_h"),
+            edge_climb_lift_n_s2_m2=get("c_hw"),
+            edge_speed_lift_n_s2_m2=get("c_ha"),
+            wake_n_s2_m3=get("c_wake"),
+            climb_drag_n_s2_m2=get("k_w"),
+            flapping_n_s2_m=get("m_f"),
+            side_flapping_n_s=full * get("m_s"),
+            inflow_torque_n_s2_m=get("kappa_lambda"),
+            yaw_damping_n_m_s=full * get("k_r"),
+        ),
+    )
+
+
+_NAMES = (
+    *("c_0", "c_1", "c_2", "c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "c_wake"),
+    *("T_motor", "kappa", "J_r", "m_f", "m_s", "kappa_lambda", "k_r"),
+)
+
+
+def with_flight(vehicle: Multirotor, values: Mapping[str, float], *, disc_m2: float, full: float = 1.0) -> Multirotor:
+    """A vehicle that flies by these numbers; what they do not hold of body, layout and battery stays.
+
+    Parameters
+    ----------
+    vehicle
+        What it is otherwise. Drag and derivatives of its body go: the numbers stand for them.
+    values, full
+        See :func:`rotors_with`. ``m``, ``I_xx``, ``I_yy`` and ``I_zz`` replace those of the vehicle where present,
+        ``x_cg`` and ``y_cg`` move its center of gravity.
+    disc_m2
+        That one rotor sweeps.
+
+    Raises
+    ------
+    ModelError
+        The rotors cannot carry the weight.
+    """
+    mass_kg = values.get("m", vehicle.mass_kg)
+    layout = vehicle.rotors.layout
+    inertia = np.array(vehicle.inertia_kg_m2)
+    for place, name in enumerate(("I_xx", "I_yy", "I_zz")):
+        inertia[place, place] = values.get(name, inertia[place, place])
+    x, y, z = vehicle.center_of_gravity_m
+    return replace(
+        vehicle,
+        mass_kg=mass_kg,
+        inertia_kg_m2=inertia,
+        rotors=rotors_with(values, _frame(vehicle, mass_kg, disc_m2), layout, full=full),
+        aerodynamics=None,
+        quadratic_drag_n_s2_m2=(0.0, 0.0, 0.0),
+        vertical_drag_n_s2_m2=values.get("d_z", 0.0),
+        center_of_gravity_m=(x + values.get("x_cg", 0.0), y + values.get("y_cg", 0.0), z),
+        effectiveness=None,
+    )
+
+
+def flight_values(vehicle: Multirotor, *, full: float = 1.0) -> dict[str, float]:
+    """What :func:`with_flight` makes of a vehicle, back: its numbers about its own center of gravity.
+
+    The torque constant is that of hover; a vehicle with a torque curve of another shape than that of thrust has no
+    other one.
+
+    Parameters
+    ----------
+    vehicle
+        A vehicle.
+    full
+        Speed of a rotor at full output in the unit that is wanted: rad/s, or one for outputs.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles.catalog import aircraft
+    >>> found = flight_values(aircraft("x500").vehicle)
+    >>> round(found["m"], 2), round(found["kappa"], 3)
+    (2.0, 0.016)
+    """
+    rotors, flow = vehicle.rotors, vehicle.rotors.flow or RotorFlow()
+    per_share = vehicle.induced_per_share_m_s
+    share = rotors.share_of(vehicle.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors)
+    c_0, c_1, c_2 = rotors.thrust
+    c_2 += rotors.inflow_n_s_m * per_share
+    t_0, t_1, t_2 = rotors.torque_curve
+    t_2 -= flow.inflow_torque_n_s2_m * per_share**2
+    at = np.array([1.0, share, share**2])
+    diagonal = vehicle.inertia_kg_m2.diagonal()
+    return {
+        "m": vehicle.mass_kg,
+        "c_0": c_0,
+        "c_1": c_1 / full,
+        "c_2": c_2 / full**2,
+        "c_lambda": rotors.inflow_n_s_m / full,
+        "k_d": rotors.induced_drag_n_s_m / full,
+        "k_w": flow.climb_drag_n_s2_m2,
+        "c_h": flow.edge_lift_n_s_m / full,
+        "c_hw": flow.edge_climb_lift_n_s2_m2,
+        "c_ha": flow.edge_speed_lift_n_s2_m2,
+        "d_z": vehicle.vertical_drag_n_s2_m2,
+        "c_wake": flow.wake_n_s2_m3,
+        "T_motor": rotors.mean_lag_s,
+        "I_xx": float(diagonal[0]),
+        "I_yy": float(diagonal[1]),
+        "I_zz": float(diagonal[2]),
+        "kappa": float(at @ [t_0, t_1, t_2]) / float(at @ [c_0, c_1, c_2]),
+        "J_r": rotors.inertia_kg_m2 * rotors.full_speed_rad_s / full,
+        "m_f": flow.flapping_n_s2_m,
+        "m_s": flow.side_flapping_n_s / full,
+        "kappa_lambda": flow.inflow_torque_n_s2_m,
+        "k_r": flow.yaw_damping_n_m_s / full,
+    }
+
+
+def _frame(vehicle: Multirotor, mass_kg: float, disc_m2: float) -> Airframe:
+    return Airframe(positions=vehicle.hubs_m, spins=vehicle.rotors.layout.spins, mass_kg=mass_kg, disc_m2=disc_m2)
