@@ -58,11 +58,14 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
     per_share = full * found.induced_m_s / found.speed
     inflow = full * get("c_lambda")
     c_0, c_1, c_2 = get("c_0"), full * get("c_1"), full**2 * get("c_2")
+    square = c_2 - inflow * per_share
+    if abs(square) <= _CANCELLED * abs(c_2):
+        square = 0.0
     kappa = get("kappa")
     lag_s = get("T_motor")
     return Rotors(
         layout=layout,
-        thrust=(c_0, c_1, c_2 - inflow * per_share),
+        thrust=(c_0, c_1, square),
         torque=(kappa * c_0, kappa * c_1, kappa * c_2 + get("kappa_lambda") * per_share**2),
         lag_up_s=lag_s,
         lag_down_s=lag_s,
@@ -85,6 +88,9 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
         ),
     )
 
+
+_CANCELLED = 1e-12
+"""Share of the static square that is left of thrust that goes straight with the output in hover."""
 
 _NAMES = (
     *("c_0", "c_1", "c_2", "c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "c_wake"),

@@ -143,7 +143,7 @@ def fly_multirotor(
     seed: int = 0,
     step_rate_hz: float | None = None,
     settle_s: float | None = None,
-    speed_m_s: tuple[float, float] = (0.0, 0.0),
+    speed_m_s: tuple[float, ...] = (0.0, 0.0),
 ) -> SimulatedFlight:
     """Fly and log.
 
@@ -170,8 +170,8 @@ def fly_multirotor(
     settle_s
         Flown before the log; 5 s in hover and 30 s at speed when none is given.
     speed_m_s
-        Over ground along the heading at the beginning and at the end of the log, backward if negative; straight in
-        between. The flight begins in the trim of :func:`rotorid.simulation.trimmed` at the first of them.
+        Over ground along the heading at times that divide the log evenly, from its beginning to its end, backward if
+        negative; straight in between. The flight begins in the trim of :func:`rotorid.simulation.trimmed` at the first.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def flight_tables(
     seed: int,
     step_rate_hz: float | None,
     settle_s: float | None,
-    speed_m_s: tuple[float, float] = (0.0, 0.0),
+    speed_m_s: tuple[float, ...] = (0.0, 0.0),
 ) -> FlightTables:
     """Fly as :func:`fly_multirotor` does, and leave it at tables, of which a few columns cost little."""
     from rotorid.simulation.flight_kernels import flight
@@ -244,7 +244,7 @@ def flight_tables(
     asked = _asked(plan, desk.table("asked", rows, len(_ENTRIES) * len(AXES) + 1), skipped, rate_hz)
     add_shaping(asked, aircraft.autopilot.shaping, rate_hz)
     asked[:skipped, -1] = speed_m_s[0]
-    asked[skipped:, -1] = np.linspace(*speed_m_s, rows - skipped)
+    asked[skipped:, -1] = _straight(speed_m_s, rows - skipped)
     winds = blown(wind, rows, sample_rate_hz=rate_hz, rng=rng)
     noise = desk.table("noise", rows, _NOISES)
     if aircraft.sensors.noisy:
@@ -274,6 +274,13 @@ def flight_tables(
             remedy="lower the amplitude of the plan, the wind or the gains",
         )
     return FlightTables(aircraft=aircraft, plan=plan, skipped=skipped, log=log, truth=truth, asked=asked, winds=winds)
+
+
+def _straight(points: tuple[float, ...], count: int) -> FloatArray:
+    """Samples along straight lines between evenly spaced points."""
+    if len(points) == 2:
+        return np.linspace(*points, count)
+    return np.interp(np.linspace(0.0, len(points) - 1.0, count), np.arange(len(points)), points)
 
 
 def _level_flight(vehicle: Multirotor, speed_m_s: float) -> FloatArray:
