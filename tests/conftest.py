@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import lzma
 import os
@@ -14,6 +15,9 @@ import pytest
 os.environ["ROTORID_SETTINGS"] = ""
 # A fault in one part of an answer does not end the others for users; tests must see it.
 os.environ["ROTORID_STRICT"] = "1"
+
+# What collecting the tests makes stays until the end: no search for garbage goes through it.
+gc.disable()
 
 HERE = Path(__file__).resolve().parent
 
@@ -29,6 +33,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: -took_s.get(item.path, 0.0))
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish(session: pytest.Session) -> None:
+    gc.collect()
+    gc.freeze()
+    gc.enable()
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of the real and simulated flights, or a skip with the reason."""
@@ -40,8 +51,9 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def unpacked(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Path of a data file, unpacked once per session when it is an ``.xz``."""
-    cache = tmp_path_factory.mktemp("unpacked")
+    """Path of a data file, unpacked once for all workers when it is an ``.xz``."""
+    base = tmp_path_factory.getbasetemp()
+    cache = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "unpacked"
 
     def path_of(name: str) -> Path:
         source = shared_data / name
@@ -50,7 +62,10 @@ def unpacked(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Cal
         target = cache / source.relative_to(shared_data).with_suffix("")
         if not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(lzma.decompress(source.read_bytes()))
+            # Another worker may want it at the same time, and finds a whole file or none.
+            part = target.with_name(f"{target.name}.{os.getpid()}")
+            part.write_bytes(lzma.decompress(source.read_bytes()))
+            part.rename(target)
         return target
 
     return path_of

@@ -15,6 +15,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.resources import files
 from itertools import product
 from pathlib import PurePosixPath
@@ -31,6 +32,7 @@ from rotorid.plot.curves import Frequency, Magnitude
 from rotorid.plot.figure import Figure, plotly_script, template
 
 if TYPE_CHECKING:
+    import jinja2
     from markupsafe import Markup
 
 
@@ -214,26 +216,12 @@ def render(
     values
         What the template shows.
     """
-    import jinja2
     from markupsafe import Markup
 
     library, script = plotly_script(), asset("page.js")
     own = asset(further_script) if further_script else ""
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda wanted: asset(f"templates/{wanted}")),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "shell": shlex.join,
-        "capital": capital,
-        "typeset": typeset,
-        "counted": counted,
-        "severity_count": severity_count,
-    }
-    page = environment.get_template(name).render(
+    page_template = _templates().get_template(name)
+    page = page_template.render(
         **values,
         version=__version__,
         root=appearance.get()._replace(frequency=frequency_of(logs)).attributes(),
@@ -254,6 +242,28 @@ def render(
     # Only headings of the page change; its scripts stay as they are.
     body, scripts, rest = page.partition('<script type="application/json"')
     return without_gaps(body) + scripts + rest
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    """Templates of pages, each compiled once."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda wanted: asset(f"templates/{wanted}")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "shell": shlex.join,
+        "capital": capital,
+        "typeset": typeset,
+        "counted": counted,
+        "severity_count": severity_count,
+    }
+    return environment
 
 
 _HEADING = re.compile(r"<(/?)h([1-6])(?=[\s>])")

@@ -16,6 +16,7 @@ linear formula too small (:func:`weak_instrument_factor`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
@@ -265,16 +266,22 @@ def density_freedom(matrix: SpectralMatrix, taper: Taper, *, reach: int) -> Floa
         if not near.any():
             break
         alike += 2.0 * np.count_nonzero(near) * _overlap(taper, int(shift[near].min()), blocks) ** 2
-    power = taper.samples(_FINE * 8) ** 2
-    middle = (np.arange(power.size) + 0.5) / power.size
-    shared = np.abs(np.exp(1j * _LINE[:, None] * middle) @ power / power.sum()) ** 2
     omega = matrix.omega_rad_s
     place = np.clip(np.arange(omega.size)[:, None] + np.arange(-reach, reach + 1), 0, omega.size - 1)
     apart = np.abs(omega[place][:, :, None] - omega[place][:, None, :]) * matrix.window_s
-    lines = place.shape[1] ** 2 / np.interp(apart, _LINE, shared, right=0.0).sum(axis=(1, 2))
+    lines = place.shape[1] ** 2 / np.interp(apart, _LINE, _shared(taper), right=0.0).sum(axis=(1, 2))
     return np.asarray(2.0 * count**2 / alike * lines)
 
 
+@lru_cache(maxsize=8)
+def _shared(taper: Taper) -> FloatArray:
+    """Squared correlation of the transforms of one window at two frequencies, over the distances of ``_LINE``."""
+    power = taper.samples(_FINE * 8) ** 2
+    middle = (np.arange(power.size) + 0.5) / power.size
+    return np.asarray(np.abs(np.exp(1j * _LINE[:, None] * middle) @ power / power.sum()) ** 2)
+
+
+@lru_cache(maxsize=1024)
 def _overlap(taper: Taper, shift: int, blocks: int) -> float:
     """Correlation of the transforms of a white disturbance in two windows that begin ``shift`` blocks apart."""
     samples = taper.samples(_FINE * blocks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,7 +24,12 @@ def wave(frequency_hz: float, *, phase: float = 0.3) -> FloatArray:
 
 
 def noise(size: float, seed: int = 0) -> FloatArray:
-    return size * np.random.default_rng(seed).standard_normal(TIME_S.size)
+    return size * _white(seed)
+
+
+@cache
+def _white(seed: int) -> FloatArray:
+    return np.random.default_rng(seed).standard_normal(TIME_S.size)
 
 
 def swinging(frequency_hz: float, *, amplitude: float = 0.5, hover: float = 0.4) -> dict[str, FloatArray]:
