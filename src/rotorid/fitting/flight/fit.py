@@ -264,7 +264,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     names = (*(("c_2", "c_lambda", "k_d") if kind != "none" else ("c_2",)), *PLACE)
     driven = [
-        motion(record, kind=kind, lag_s=choices.values.get("T_motor", 0.0), skew_s=float(skew))
+        motion(record, choices.values, kind=kind, skew_s=float(skew))
         for record, skew in zip(records, skews, strict=True)
     ]
     rows = [force_rows(record, airframe, moved, names) for record, moved in zip(records, driven, strict=True)]

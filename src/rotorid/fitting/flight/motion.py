@@ -10,6 +10,7 @@ A velocity that stays the same for much longer than that is lost, and with it th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -18,6 +19,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.frames import body_to_earth, earth_to_body
+from rotorid.models.flight import lagging_together, speeds_of_outputs
 from rotorid.signal.kinematics import derivative
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -37,7 +39,7 @@ class Motion(NamedTuple):
     Parameters
     ----------
     speeds
-        Of the rotors, lag and skew taken in, rad/s or shares of the full speed, shape ``(rotors, n)``.
+        Of the rotors, lags, curve and skew taken in, rad/s or shares of the full speed, shape ``(rotors, n)``.
     velocity
         Through the air, body axes, m/s, shape ``(3, n)``; zero where it is not known.
     rates, acceleration
@@ -95,31 +97,35 @@ def wind_in_body(record: MotorRecord, wind: FloatArray) -> FloatArray:
     return earth_to_body(record.attitude, np.tile(np.array([*wind, 0.0])[:, None], record.samples))
 
 
-def rotor_speeds(record: MotorRecord, *, lag_s: float = 0.0, skew_s: float = 0.0) -> FloatArray:
-    """Speeds of the rotors: measured ones late by the skew, or outputs lagged by the motors too, by the voltage.
+def rotor_speeds(record: MotorRecord, values: Mapping[str, float] | None = None, *, skew_s: float = 0.0) -> FloatArray:
+    """Speeds of the rotors: measured ones, or shares of the full speed by the outputs, their lag, curve and voltage.
 
     Parameters
     ----------
     record
         With speeds (``lines``) or outputs (``held``).
-    lag_s
-        Of the motors; measured speeds have none.
+    values
+        For ``T_motor`` and the curve, which outputs need, and ``T_thrust``.
     skew_s
         How much earlier the stamps of the motors are than those of the gyros.
     """
+    values = values or {}
     step = 1.0 / record.sample_rate_hz
     if record.between == "lines":
-        return measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
-    lagged = motor_speed(record.outputs, lag_s=max(lag_s, _NO_LAG_S), delay_s=skew_s, step_s=step).level
-    return np.asarray(lagged * np.sqrt(record.strength), dtype=np.float64)
+        speeds = measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
+    else:
+        lag_s = max(values.get("T_motor", 0.0), _NO_LAG_S)
+        lagged = motor_speed(record.outputs, lag_s=lag_s, delay_s=skew_s, step_s=step).level
+        speeds = speeds_of_outputs(values, lagged) * np.sqrt(record.strength)
+    return lagging_together(speeds, values.get("T_thrust", 0.0), record.sample_rate_hz)
 
 
 def motion(
     record: MotorRecord,
+    values: Mapping[str, float] | None = None,
     *,
     kind: VelocityClass | None = None,
     wind: FloatArray | None = None,
-    lag_s: float = 0.0,
     skew_s: float = 0.0,
 ) -> Motion:
     """What drives the model over a record.
@@ -128,16 +134,18 @@ def motion(
     ----------
     record
         What was flown.
+    values
+        Numbers of the model; lags and the curve of outputs count.
     kind
         Of the velocity; by default the best that the record allows.
     wind
-        Toward north and east, m/s.
-    lag_s, skew_s
-        As in :func:`rotor_speeds`.
+        Toward north and east, m/s; none where it is not finite.
+    skew_s
+        How much earlier the stamps of the motors are than those of the gyros.
     """
     rate_hz = record.sample_rate_hz
-    speeds = rotor_speeds(record, lag_s=lag_s, skew_s=skew_s)
+    speeds = rotor_speeds(record, values, skew_s=skew_s)
     velocity = ground_velocity(record, kind or velocity_class(record))
-    if wind is not None:
+    if wind is not None and np.isfinite(wind).all():
         velocity = velocity - wind_in_body(record, wind)
     return Motion(speeds, velocity, record.rates, derivative(record.rates, rate_hz), derivative(speeds, rate_hz))
