@@ -142,10 +142,8 @@ class FittedFlight(Immutable):
     def predicted(self) -> tuple[Predicted, ...]:
         """Every stretch as measured and as the model makes it."""
         fit, found = self.fit, []
-        lag_s = fit.values.get("T_motor", 0.0)
         for flight, wind, skew_s in zip(self.data.motors.stretches, fit.winds, fit.skews_s.tolist(), strict=True):
-            blown = wind if np.isfinite(wind).all() else None
-            driven = motion(flight.record, kind=fit.velocity, wind=blown, lag_s=lag_s, skew_s=skew_s)
+            driven = motion(flight.record, fit.values, kind=fit.velocity, wind=wind, skew_s=skew_s)
             modeled = predicted_force(fit.values, fit.airframe, flight.record, driven, fit.cutoff_hz)
             found.append(Predicted(flight, flight.record.force, modeled, driven.velocity, driven.speeds))
         return tuple(found)
