@@ -279,14 +279,7 @@ def flight_columns(
     """
     x, y, z = (column[:, None] for column in airframe.positions.T)
     spins, none = airframe.spins[:, None], np.zeros(speeds.shape[1])
-    thrusts: dict[str, Callable[[], FloatArray]] = {
-        "c_2": lambda: speeds**2,
-        "c_lambda": lambda: -speeds * air.inflow,
-        "c_h": lambda: speeds * air.edge,
-        "c_hw": lambda: air.edge * air.climb,
-        "c_ha": lambda: air.edge * np.abs(air.climb),
-        "c_wake": lambda: (x * air.forward + y * air.right) * air.climb,
-    }
+    thrusts = _thrust_terms(airframe, speeds, air)
     sides: dict[str, Callable[[], FloatArray]] = {"k_d": lambda: -speeds, "k_w": lambda: -air.climb}
     found = {}
     for name in names:
@@ -325,6 +318,39 @@ def _tilting_back(speeds: FloatArray, air: Air) -> tuple[FloatArray, FloatArray,
     through = np.abs(air.inflow)
     gradient = speeds * (air.inflow - air.climb) / (through + np.hypot(air.edge, through) + _STILL_M_S)
     return -gradient * air.right, gradient * air.forward, 0.0 * speeds
+
+
+def _thrust_terms(airframe: Airframe, speeds: FloatArray, air: Air) -> dict[str, Callable[[], FloatArray]]:
+    """Thrust of each rotor that each coefficient makes at one, shape ``(rotors, n)``."""
+    x, y, _ = (column[:, None] for column in airframe.positions.T)
+    return {
+        "c_2": lambda: speeds**2,
+        "c_lambda": lambda: -speeds * air.inflow,
+        "c_h": lambda: speeds * air.edge,
+        "c_hw": lambda: air.edge * air.climb,
+        "c_ha": lambda: air.edge * np.abs(air.climb),
+        "c_wake": lambda: (x * air.forward + y * air.right) * air.climb,
+    }
+
+
+def rotor_thrusts(values: Mapping[str, float], airframe: Airframe, speeds: FloatArray, air: Air) -> FloatArray:
+    """Thrust of each rotor in moving air, N, shape ``(rotors, n)``.
+
+    Parameters
+    ----------
+    values
+        Of :data:`THRUST_TERMS`, and the curve; what is absent is zero.
+    speeds
+        Of the rotors, shape ``(rotors, n)``.
+    air
+        Of :func:`rotor_air`.
+    """
+    values = {**values, "c_2": full_thrust(values)}
+    found = np.zeros_like(speeds)
+    for name, made in _thrust_terms(airframe, speeds, air).items():
+        if values.get(name, 0.0) != 0.0:
+            found = found + values[name] * made()
+    return found
 
 
 CURVE_TERMS = ("c_0", "c_1", "c_2")

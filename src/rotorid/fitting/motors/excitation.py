@@ -161,33 +161,57 @@ def _with_octaves(
 
 def _in_octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> Excitation | None:
     """The longest run of octaves in which the motors explain a rate, with the correlation in all of it."""
-    rate_hz = record.sample_rate_hz
     if not np.any(motion):
         return None
-    torques = {
-        lag_s: lever @ motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / rate_hz).level[:, 1:].real
-        for lag_s in _LAGS_S
-    }
-
-    def best_in(band_hz: tuple[float, float]) -> Excitation:
-        if band_hz[1] > _OF_RATE * rate_hz or record.samples / rate_hz * band_hz[0] < _FEWEST_CYCLES:
-            return Excitation(0.0, _LAGS_S[0])
-        shown = _band_part(motion, band_hz, rate_hz)
-        found = {lag_s: _correlation(_band_part(row, band_hz, rate_hz), shown) for lag_s, row in torques.items()}
-        lag_s = max(found, key=lambda lag_s: found[lag_s])
-        return Excitation(found[lag_s], lag_s, band_hz=band_hz)
-
+    torques = _torques(record, lever)
     runs: list[list[tuple[float, float]]] = [[]]
-    for band_hz in pairwise(_OCTAVES_HZ):
-        if best_in(band_hz).counts:
-            runs[-1].append(band_hz)
+    for octave in octaves(record, lever, motion):
+        if octave.counts:
+            runs[-1].append(octave.band_hz)
         else:
             runs.append([])
     longest = max(runs, key=len)
     if len(longest) < _FEWEST_OCTAVES:
         return None
-    together = best_in((longest[0][0], longest[-1][1]))
+    together = _best_in((longest[0][0], longest[-1][1]), record, torques, motion)
     return together if together.counts else None
+
+
+def octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> list[Excitation]:
+    """How far the motors explain a rate in each octave.
+
+    Parameters
+    ----------
+    record
+        What was flown.
+    lever
+        Of each rotor, one row of the levers of :func:`excitations`.
+    motion
+        Increments of the rate, shape ``(n - 1,)``.
+    """
+    torques = _torques(record, lever)
+    return [_best_in(band_hz, record, torques, motion) for band_hz in pairwise(_OCTAVES_HZ)]
+
+
+def _torques(record: MotorRecord, lever: FloatArray) -> dict[float, FloatArray]:
+    """What the motors do, at several lags."""
+    step_s = 1.0 / record.sample_rate_hz
+    return {
+        lag_s: lever @ motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=step_s).level[:, 1:].real
+        for lag_s in _LAGS_S
+    }
+
+
+def _best_in(
+    band_hz: tuple[float, float], record: MotorRecord, torques: Mapping[float, FloatArray], motion: FloatArray
+) -> Excitation:
+    rate_hz = record.sample_rate_hz
+    if band_hz[1] > _OF_RATE * rate_hz or record.samples / rate_hz * band_hz[0] < _FEWEST_CYCLES:
+        return Excitation(0.0, _LAGS_S[0], band_hz=band_hz)
+    shown = _band_part(motion, band_hz, rate_hz)
+    found = {lag_s: _correlation(_band_part(row, band_hz, rate_hz), shown) for lag_s, row in torques.items()}
+    lag_s = max(found, key=lambda lag_s: found[lag_s])
+    return Excitation(found[lag_s], lag_s, band_hz=band_hz)
 
 
 def slow_taps(sample_rate_hz: float) -> FloatArray:

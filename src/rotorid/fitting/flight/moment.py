@@ -1,0 +1,645 @@
+r"""The moments of flight, twice: those of the vehicle where motors show it, and those of the air at all frequencies.
+
+With thrust held from the fit of force, :math:`M_T = \sum r_i \times (0, 0, -T_i)` turns the vehicle by
+:math:`M_T / I`. A controller holds the vehicle against moments of the air: where flight is slow, motors and air cancel,
+motion is little, and a regression over all frequencies finds torque that turns nothing (a share of 0.03 below 1 Hz and
+of 0.8 at 8 Hz in agile flights). So
+
+- **inertia**, :math:`\kappa` and :math:`J_r` come from the octaves in which motors explain an axis
+  (:mod:`rotorid.fitting.motors.excitation`), by the fit of ``physical.motors`` with thrust in moving air in place of
+  outputs: errors are whitened, feedback does not bias it. A vehicle that is flat lends its gyroscopic moments,
+  :math:`\dot p = M / I_{xx} - q r`, :math:`\dot q = M / I_{yy} + p r`, which are taken out before.
+- **moments of the air** are what motors and inertia leave at all frequencies, linear in their coefficients. They are on
+  the left-hand side of the loop together with the motors, whose answer is known, so that a regression on motion finds
+  them. Beyond the first they enter only if they lower the error of data that were not fitted.
+
+The *predictor* frees everything over all frequencies. It predicts flights under the same controller better, is another
+vehicle than that which flew, and is kept apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATES
+from rotorid.data.base import Immutable, read_only
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.flight.motion import Motion
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, excited_axes, octaves
+from rotorid.fitting.motors.fit import LEAST_SAMPLES, MotorFit, fit_motors
+from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.models.flight import (
+    HUB_TERMS,
+    SIDE_TERMS,
+    Air,
+    Airframe,
+    flight_columns,
+    flight_loads,
+    full_thrust,
+    inflow_thrust,
+    rotor_air,
+    rotor_thrusts,
+)
+from rotorid.models.motors import SPIN_UP, Curve, motor_parameters
+from rotorid.typing import FloatArray
+
+INERTIA: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
+"""Axis to its moment of inertia."""
+
+AIR_TERMS = (*HUB_TERMS, "x_cg", "y_cg")
+"""Moments that motors and inertia leave."""
+
+MOMENT_NUMBERS = (*INERTIA.values(), "kappa", "J_r", *AIR_TERMS)
+"""What is found from moments."""
+
+GAINS = ("gain_p", "gain_q", "gain_r")
+"""Numbers of the predictor: the share of the motors' moments that shows about each axis."""
+
+LADDER: tuple[tuple[str, ...], ...] = (("m_f",), ("x_cg", "y_cg"), ("m_s",), ("kappa_lambda",), ("k_r",))
+"""Moments of the air in the order in which they are tried."""
+
+MOMENT_HZ = 25.0
+"""Up to here moments are compared: beyond, differences of gyros are noise."""
+
+LEAST_AIRSPEED_M_S = 3.0
+"""Slower flight shows no hub moment."""
+
+_FITTED_HZ = 150.0
+_COMPARED_HZ = 75.0
+_EARLIEST_S = -0.02
+_FOLDS = 3
+_ROUNDS = 2
+
+
+class Octave(NamedTuple):
+    """How far the motors explain one axis in one octave.
+
+    Parameters
+    ----------
+    axis
+        ``p``, ``q`` or ``r``.
+    low_hz, high_hz
+        The octave.
+    correlation
+        Of the motors' moment with the acceleration, at the best lag, in the record that shows most.
+    kept
+        Whether it belongs to the band in which the inertia of the axis is fitted.
+    """
+
+    axis: str
+    low_hz: float
+    high_hz: float
+    correlation: float
+    kept: bool
+
+
+class MomentRung(NamedTuple):
+    """One step of the ladder of moments.
+
+    Parameters
+    ----------
+    terms
+        Their names.
+    before, after
+        Root mean square of the error of moment, N m, on data that were not fitted, without and with them.
+    entered
+        Whether they were kept.
+    """
+
+    terms: tuple[str, ...]
+    before: float
+    after: float
+    entered: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class MomentChoices(Immutable):
+    """What is decided before moments are fitted.
+
+    Parameters
+    ----------
+    known
+        Numbers that are known, which are held.
+    terms
+        Moments of the air that may enter; ``None``: all of the ladder.
+    least_gain
+        Share by which a term has to lower the error of data that were not fitted.
+    predictor
+        Whether the predictor is wanted too.
+    """
+
+    known: Mapping[str, float] = field(default_factory=dict)
+    terms: tuple[str, ...] | None = None
+    least_gain: float = 0.01
+    predictor: bool = False
+
+    def __post_init__(self) -> None:
+        self._set(known=self.known)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MomentFit(Immutable):
+    """Moments of a vehicle in flight.
+
+    Parameters
+    ----------
+    values
+        Inertia, ``kappa``, ``J_r`` and moments of the air, known ones included; none of an axis that motors do not
+        explain.
+    free
+        Those that were fitted.
+    assumed
+        Those that no flight shows and that were not known: ``I_zz``, taken as that of a flat vehicle, to which
+        ``kappa`` and ``J_r`` are in proportion.
+    entered
+        Moments of the air among them.
+    ladder
+        What was tried.
+    missing
+        What these records cannot show, and why.
+    octaves
+        How far the motors explain each axis by octave.
+    delay_s
+        By which rates follow moments, sensors and stamps together.
+    rms_nm
+        Error of moment of each record over the axes that are known, root mean square of the length, ``(records,)``.
+    axes_nm
+        The same axis by axis, not a number where an axis is not known, shape ``(records, 3)``.
+    chains
+        Fits of the band: of roll and pitch, and of yaw.
+    predictor
+        What predicts flights under this controller best, and is not the vehicle; empty where it was not wanted.
+    """
+
+    values: Mapping[str, float]
+    free: tuple[str, ...]
+    assumed: tuple[str, ...]
+    entered: tuple[str, ...]
+    ladder: tuple[MomentRung, ...]
+    missing: Mapping[str, str]
+    octaves: tuple[Octave, ...]
+    delay_s: float
+    rms_nm: FloatArray
+    axes_nm: FloatArray
+    chains: tuple[MotorFit, ...]
+    predictor: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(
+            values=self.values,
+            missing=self.missing,
+            predictor=self.predictor,
+            rms_nm=read_only(self.rms_nm, np.float64, ndim=1),
+            axes_nm=read_only(self.axes_nm, np.float64, ndim=2),
+        )
+
+
+def fit_moments(
+    records: Sequence[MotorRecord],
+    airframe: Airframe,
+    driven: Sequence[Motion],
+    force: Mapping[str, float],
+    choices: MomentChoices | None = None,
+) -> MomentFit:
+    """Fit the moments of flights whose forces are known.
+
+    Parameters
+    ----------
+    records
+        Flights of one vehicle.
+    airframe
+        What is known of it.
+    driven
+        What drives each, of :func:`rotorid.fitting.flight.motion.motion`.
+    force
+        Coefficients of force, which are held.
+    choices
+        What is decided before; by default nothing.
+    """
+    choices = choices or MomentChoices()
+    known = {name: value for name, value in choices.known.items() if name in MOMENT_NUMBERS}
+    band = _in_band(records, airframe, driven, force, known)
+    values = {**force, **known, **band.values}
+    assumed: tuple[str, ...] = ()
+    if "I_zz" not in values and "kappa" not in values and {"I_xx", "I_yy"} <= values.keys():
+        values["I_zz"], assumed = values["I_xx"] + values["I_yy"], ("I_zz",)
+    yaw = _yaw(band.chains, values, known)
+    values |= yaw
+    delay_s = next((chain.parameters["tau_gyro"].value for chain in band.chains), 0.0)
+    axes = [
+        place
+        for place, axis in enumerate(RATES)
+        if INERTIA[axis] in values and (axis != "r" or {"kappa", "J_r"} & values.keys())
+    ]
+    missing = {INERTIA[axis]: _why_not(axis, band.octaves) for axis in "pq" if INERTIA[axis] not in values}
+    if "kappa" not in values:
+        missing["kappa"] = _why_not("r", band.octaves)
+    air: dict[str, float] = {}
+    ladder: tuple[MomentRung, ...] = ()
+    rows = [_rows(*pair, airframe, values, delay_s) for pair in zip(records, driven, strict=True)]
+    if axes:
+        air, ladder = _climbed(rows, axes, choices, missing, fast=_fast(driven))
+    left = [_rest(row, tuple(air), np.array(list(air.values()))) for row in rows]
+    unknown = [place for place in range(3) if place not in axes]
+    sizes = np.array([np.sqrt(np.mean(one**2, axis=1)) for one in left])
+    sizes[:, unknown] = np.nan
+    values |= air
+    numbers = {name: values[name] for name in MOMENT_NUMBERS if name in values}
+    return MomentFit(
+        values=numbers,
+        free=tuple(name for name in numbers if name not in known and name not in assumed),
+        assumed=assumed,
+        entered=tuple(air),
+        ladder=ladder,
+        missing=missing,
+        octaves=band.octaves,
+        delay_s=delay_s,
+        rms_nm=np.sqrt(np.nansum(sizes**2, axis=1)),
+        axes_nm=sizes,
+        chains=band.chains,
+        predictor=_predictor(rows, axes) if choices.predictor and axes else {},
+    )
+
+
+def _fast(driven: Sequence[Motion]) -> bool:
+    """Whether a flight reaches the airspeed that hub moments need, for a twentieth of its time."""
+    reached = [np.quantile(np.hypot(moved.velocity[0], moved.velocity[1]), 0.95) for moved in driven]
+    return bool(max(reached) > LEAST_AIRSPEED_M_S)
+
+
+def moment_error(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    record: MotorRecord,
+    driven: Motion,
+    *,
+    delay_s: float = 0.0,
+    inertia: Sequence[float] | None = None,
+    predictor: Mapping[str, float] | None = None,
+) -> FloatArray:
+    r"""Error of the moment that the model predicts, N m, shape ``(3, k)``; not a number where an axis has no inertia.
+
+    .. math:: J \left( \dot\omega - I^{-1} (M - \omega \times I \omega) \right)
+
+    behind a low-pass of 25 Hz without phase, thinned to some 75 samples in a second. A scale that inertia and moment
+    share changes no motion, so that what counts is the error of angular acceleration, in units of moment by J.
+
+    Parameters
+    ----------
+    values
+        Of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`, those of force too.
+    delay_s
+        Of :attr:`MomentFit.delay_s`.
+    inertia
+        J about the three axes, kg m²; that of the values by default.
+    predictor
+        Of :attr:`MomentFit.predictor`, which then stands for moments of the air and scales those of motors.
+    """
+
+    def moment_of(chosen: Mapping[str, float]) -> FloatArray:
+        return flight_loads(
+            chosen,
+            airframe,
+            speeds=driven.speeds,
+            velocity=driven.velocity,
+            rates=driven.rates,
+            spin_up=driven.spin_up,
+        ).moment
+
+    if predictor:
+        motors = {name: value for name, value in values.items() if name not in AIR_TERMS}
+        freed = {name: value for name, value in predictor.items() if name not in GAINS}
+        gains = np.array([predictor.get(name, 1.0) for name in GAINS])[:, None]
+        made = moment_of(motors | freed) + (gains - 1.0) * moment_of(motors)
+    else:
+        made = moment_of(values)
+    turned = _matrix(values)
+    rate_hz = record.sample_rate_hz
+    moment, coupled, acceleration = _compared(
+        np.stack([_late(made, delay_s * rate_hz), _gyroscopic(turned, driven.rates), driven.acceleration]), rate_hz
+    )
+    known = turned[:, None]
+    weights = known if inertia is None else np.asarray(inertia, dtype=np.float64)[:, None]
+    return np.asarray(weights * (acceleration - (moment - coupled) / known))
+
+
+def motor_lag(records: Sequence[MotorRecord], airframe: Airframe) -> MotorFit | None:
+    """Lag, delay and curve of motors known by their outputs, as ``physical.motors`` finds them from roll and pitch.
+
+    ``None`` where motors explain neither.
+    """
+    levers = _levers(airframe)
+    posed = MotorProblem(
+        records=tuple(records),
+        levers=levers,
+        parameters=motor_parameters(curve="quadratic", known={"m": airframe.mass_kg}, axes=("az", "p", "q")),
+        axes=("az", "p", "q"),
+    )
+    axes = tuple(axis for axis in excited_axes(posed.excitations) if axis in "pq")
+    if not axes or min(record.samples for record in records) < LEAST_SAMPLES:
+        return None
+    heave = all(record.w.size for record in records)
+    known = {"m": airframe.mass_kg}
+    parameters = motor_parameters(curve="quadratic", known=known, axes=("az", *axes), heave_damping=heave)
+    return fit_motors(replace(posed, axes=("weight", *axes), filters=(), parameters=parameters))
+
+
+def _levers(airframe: Airframe) -> FloatArray:
+    return np.stack([-airframe.positions[:, 1], airframe.positions[:, 0], airframe.spins])
+
+
+def _matrix(values: Mapping[str, float]) -> FloatArray:
+    """Moments of inertia about the three axes; not a number where they are not known."""
+    return np.array([values.get(INERTIA[axis], np.nan) for axis in RATES])
+
+
+def _gyroscopic(inertia: FloatArray, rates: FloatArray) -> FloatArray:
+    r""":math:`\omega \times I \omega`, without what is not known."""
+    turned = np.nan_to_num(inertia)[:, None] * rates
+    return np.cross(rates, turned, axis=0)
+
+
+def _late(rows: FloatArray, samples: float) -> FloatArray:
+    """Rows ``(3, n)`` later by some samples, the first and the last value going on."""
+    clock = np.arange(rows.shape[-1])
+    return np.stack([np.interp(clock - samples, clock, row) for row in rows])
+
+
+def _compared(rows: FloatArray, rate_hz: float) -> FloatArray:
+    """Rows ``(..., n)`` behind the low-pass of moments, thinned."""
+    from scipy.signal import butter, sosfiltfilt
+
+    if rate_hz > 2.2 * MOMENT_HZ:
+        rows = sosfiltfilt(butter(2, MOMENT_HZ, fs=rate_hz, output="sos"), rows, axis=-1)
+    return np.asarray(rows[..., :: max(1, round(rate_hz / _COMPARED_HZ))])
+
+
+def _thinned(record: MotorRecord, outputs: FloatArray, rates: FloatArray) -> MotorRecord:
+    """A record for the fit of the band: thrusts or speeds in place of outputs, means over a few samples."""
+    every = 1 if record.gyro_taps.size > 1 else max(1, int(record.sample_rate_hz / _FITTED_HZ))
+    count = record.samples // every
+
+    def mean(rows: FloatArray) -> FloatArray:
+        return np.asarray(rows[..., : count * every].reshape(*rows.shape[:-1], count, every).mean(axis=-1))
+
+    return MotorRecord(
+        name=record.name,
+        sample_rate_hz=record.sample_rate_hz / every,
+        outputs=mean(outputs),
+        rates=mean(rates),
+        az=mean(record.az),
+        gyro_taps=record.gyro_taps,
+        start_s=record.start_s,
+        between="lines",
+    )
+
+
+def _free_rates(record: MotorRecord, inertia: FloatArray, known_nm: FloatArray) -> FloatArray:
+    """Rates without what gyroscopic moments add, of a flat vehicle where inertia is not known, and known moments."""
+    I_xx, I_yy, I_zz = inertia
+    ratios = np.array([(I_yy - I_zz) / I_xx, (I_zz - I_xx) / I_yy, (I_xx - I_yy) / I_zz])
+    ratios = np.where(np.isfinite(ratios), ratios, (-1.0, 1.0, 0.0))
+    p, q, r = record.rates
+    turned = ratios[:, None] * np.stack([q * r, p * r, p * q]) + np.nan_to_num(known_nm / inertia[:, None])
+    return np.asarray(record.rates - np.cumsum(turned, axis=1) / record.sample_rate_hz)
+
+
+class _Band(NamedTuple):
+    """What the band gives: values, fits, and how far motors explain each axis by octave."""
+
+    values: dict[str, float]
+    chains: tuple[MotorFit, ...]
+    octaves: tuple[Octave, ...]
+
+
+def _in_band(
+    records: Sequence[MotorRecord],
+    airframe: Airframe,
+    driven: Sequence[Motion],
+    force: Mapping[str, float],
+    known: Mapping[str, float],
+) -> _Band:
+    """Inertia of roll and pitch, and yaw torque over its inertia, in the octaves that show them.
+
+    Moments of rotor drag are known with the forces, and are taken out before as far as inertia is known: yaw comes
+    after roll and pitch, which come twice where rotors are above or below the center of gravity.
+    """
+    levers, mass = _levers(airframe), {"m": airframe.mass_kg}
+    airs = [
+        rotor_air(airframe, moved.velocity, moved.rates, inflow_thrust(force, airframe, moved.speeds))
+        for moved in driven
+    ]
+    thrusts = [rotor_thrusts(force, airframe, moved.speeds, air) for moved, air in zip(driven, airs, strict=True)]
+    sides = [_side_moments(force, airframe, *pair) for pair in zip(driven, airs, strict=True)]
+
+    def prepared(outputs: Sequence[FloatArray], values: Mapping[str, float]) -> list[MotorRecord]:
+        inertia = _matrix(values)
+        return [
+            _thinned(record, rows, _free_rates(record, inertia, side))
+            for record, rows, side in zip(records, outputs, sides, strict=True)
+        ]
+
+    values = {name: known[name] for name in ("I_xx", "I_yy", "I_zz") if name in known}
+    turning = {name: value for name, value in values.items() if name != "I_zz"}
+    for _ in range(2 if np.any(airframe.positions[:, 2]) else 1):
+        by_thrust = prepared(thrusts, values)
+        tilting = _chain(by_thrust, levers, ("p", "q"), "linear", mass | {"c_1": 1.0} | turning)
+        if tilting is not None:
+            free = [name for name in ("I_xx", "I_yy") if name in tilting.parameters.free]
+            values |= {name: tilting.parameters[name].value for name in free}
+    flat = {"I_zz": values["I_xx"] + values["I_yy"]} if {"I_xx", "I_yy"} <= values.keys() else {}
+    by_speed = prepared([moved.speeds for moved in driven], flat | values)
+    yawing = _chain(by_speed, levers, ("r",), "quadratic", mass | {"c_2": full_thrust(force)})
+    rows = _table(by_thrust, levers, ("p", "q"), tilting) + _table(by_speed, levers, ("r",), yawing)
+    return _Band(values, tuple(chain for chain in (tilting, yawing) if chain is not None), rows)
+
+
+def _side_moments(force: Mapping[str, float], airframe: Airframe, moved: Motion, air: Air) -> FloatArray:
+    """Moments that rotor drag makes about the center of gravity, N m, shape ``(3, n)``."""
+    names = tuple(name for name in SIDE_TERMS if force.get(name, 0.0) != 0.0)
+    made = flight_columns(names, airframe, moved.speeds, air, moved.velocity, moved.rates)
+    return sum((force[name] * made[name].moment for name in names), start=np.zeros_like(moved.rates))
+
+
+def _chain(
+    records: Sequence[MotorRecord],
+    levers: FloatArray,
+    wanted: tuple[str, ...],
+    curve: Curve,
+    known: Mapping[str, float],
+) -> MotorFit | None:
+    """The fit of some axes in the octaves that show them; ``None`` where none does."""
+    yaw = "r" in wanted
+    found = excitations(records, levers, spin_up=yaw)
+    axes = tuple(axis for axis in excited_axes(found) if axis in wanted)
+    if not axes or min(record.samples for record in records) < LEAST_SAMPLES:
+        return None
+    unseen = {INERTIA[axis] for axis in wanted if axis not in axes}
+    held = {name: value for name, value in known.items() if name not in unseen}
+    parameters = motor_parameters(
+        curve=curve, known=held, axes=axes, lag=False, heave_damping=False, earliest_s=_EARLIEST_S, spin_up=yaw
+    )
+    return fit_motors(MotorProblem(records=tuple(records), levers=levers, parameters=parameters, axes=axes))
+
+
+def _table(
+    records: Sequence[MotorRecord], levers: FloatArray, axes: tuple[str, ...], chain: MotorFit | None
+) -> tuple[Octave, ...]:
+    rows = []
+    for axis in axes:
+        place = RATES.index(axis)
+        each = [octaves(record, levers[place], np.diff(record.rates[place])) for record in records]
+        bands = [one[axis].band_hz for one in (chain.excitations if chain is not None else ()) if one[axis].counts]
+        for here in zip(*each, strict=True):
+            low, high = here[0].band_hz
+            kept = any(first < high and low < last for first, last in bands)
+            rows.append(Octave(axis, low, high, max(one.correlation for one in here), kept))
+    return tuple(rows)
+
+
+def _yaw(chains: Sequence[MotorFit], values: Mapping[str, float], known: Mapping[str, float]) -> dict[str, float]:
+    """Inertia, torque by thrust and rotor inertia of yaw, from their ratios and the one that is known."""
+    chain = next((one for one in chains if "kappa_per_I_zz" in one.parameters.names), None)
+    if chain is None or chain.parameters["kappa_per_I_zz"].value <= 0.0:
+        return {}
+    ratio = chain.parameters["kappa_per_I_zz"].value
+    found = {}
+    if "I_zz" not in known and "kappa" in known:
+        found["I_zz"] = known["kappa"] / ratio
+    inertia = found.get("I_zz", values.get("I_zz"))
+    if inertia is None:
+        return found
+    if "kappa" not in known:
+        found["kappa"] = ratio * inertia
+    if "J_r" not in known:
+        found["J_r"] = chain.parameters[SPIN_UP].value * inertia
+    return found
+
+
+def _why_not(axis: str, table: Sequence[Octave]) -> str:
+    best = max((one for one in table if one.axis == axis), key=lambda one: one.correlation)
+    return (
+        f"motors and motion correlate by {best.correlation:.2f} at best, from {best.low_hz:g} to {best.high_hz:g} Hz; "
+        f"{LEAST_CORRELATION:g} in two octaves is needed"
+    )
+
+
+class _Rows(NamedTuple):
+    """One record: what motors and inertia leave as moment, and what each moment of the air makes at one, ``(3, k)``."""
+
+    left: FloatArray
+    columns: Mapping[str, FloatArray]
+    motors: FloatArray
+
+
+def _rows(record: MotorRecord, moved: Motion, airframe: Airframe, values: Mapping[str, float], delay_s: float) -> _Rows:
+    plain = {name: value for name, value in values.items() if name not in AIR_TERMS}
+    left = moment_error(plain, airframe, record, moved, delay_s=delay_s)
+    air = rotor_air(airframe, moved.velocity, moved.rates, inflow_thrust(values, airframe, moved.speeds))
+    made = flight_columns(HUB_TERMS, airframe, moved.speeds, air, moved.velocity, moved.rates)
+    columns = {name: column.moment for name, column in made.items()}
+    up = rotor_thrusts(values, airframe, moved.speeds, air).sum(axis=0)
+    still = np.zeros_like(up)
+    columns |= {"x_cg": np.stack([still, -up, still]), "y_cg": np.stack([up, still, still])}
+    late = np.stack([_late(rows, delay_s * record.sample_rate_hz) for rows in columns.values()])
+    thinned = _compared(late, record.sample_rate_hz)
+    turned = _matrix(values)
+    bare = _compared(turned[:, None] * moved.acceleration + _gyroscopic(turned, moved.rates), record.sample_rate_hz)
+    return _Rows(left, dict(zip(columns, thinned, strict=True)), bare - left)
+
+
+def _solved(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> FloatArray:
+    """Coefficients of least squares, each axis in units of what it leaves."""
+    left = np.concatenate([row.left[axes] for row in rows], axis=1)
+    columns = np.concatenate([np.stack([row.columns[name][axes] for name in names]) for row in rows], axis=2)
+    weights, found = np.ones(len(axes)), np.zeros(len(names))
+    for _ in range(_ROUNDS):
+        slopes = (columns * weights[:, None]).reshape(len(names), -1)
+        size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)
+        found = np.linalg.lstsq((slopes / size[:, None]).T, (left * weights[:, None]).ravel(), rcond=1e-10)[0] / size
+        rest = left - np.tensordot(found, columns, axes=1)
+        weights = 1.0 / np.maximum(np.sqrt(np.mean(rest**2, axis=1)), 1e-300)
+    return found
+
+
+def _rest(row: _Rows, names: Sequence[str], found: FloatArray) -> FloatArray:
+    if not names:
+        return row.left
+    return np.asarray(row.left - np.tensordot(found, np.stack([row.columns[name] for name in names]), axes=1))
+
+
+def _folds(rows: Sequence[_Rows]) -> list[tuple[list[_Rows], _Rows]]:
+    """What is fitted and what is judged: flights, or thirds of one."""
+    parts = list(rows)
+    if len(parts) == 1:
+        edges = np.linspace(0, parts[0].left.shape[1], _FOLDS + 1).astype(int)
+        cut = [slice(*ends) for ends in pairwise(edges.tolist())]
+        parts = [
+            _Rows(
+                rows[0].left[:, part],
+                {name: column[:, part] for name, column in rows[0].columns.items()},
+                rows[0].motors[:, part],
+            )
+            for part in cut
+        ]
+    return [([other for other in parts if other is not part], part) for part in parts]
+
+
+def _judged(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> float:
+    """Error of moment on what was not fitted, N m."""
+    square, samples = 0.0, 0
+    for fitted, judged in _folds(rows):
+        found = _solved(fitted, names, axes) if names else np.zeros(0)
+        rest = _rest(judged, names, found)[axes]
+        square, samples = square + float((rest**2).sum()), samples + rest.shape[1]
+    return float(np.sqrt(square / samples))
+
+
+def _climbed(
+    rows: Sequence[_Rows], axes: Sequence[int], choices: MomentChoices, missing: dict[str, str], fast: bool
+) -> tuple[dict[str, float], tuple[MomentRung, ...]]:
+    """Moments of the air that make data better which were not fitted, and what was tried."""
+    known = {name: choices.known[name] for name in AIR_TERMS if name in choices.known}
+    for name, value in known.items():
+        rows = [row._replace(left=row.left - value * row.columns[name]) for row in rows]
+    names: list[str] = []
+    ladder: list[MomentRung] = []
+    before = _judged(rows, names, axes)
+    for terms in LADDER:
+        tried = [name for name in terms if name not in known and (choices.terms is None or name in choices.terms)]
+        if not tried or not any(_acts(rows, name, axes) for name in tried):
+            continue
+        if "m_f" in tried and not fast:
+            missing["m_f"] = f"the flight is slower than {LEAST_AIRSPEED_M_S:g} m/s"
+            continue
+        after = _judged(rows, [*names, *tried], axes)
+        entered = after < (1.0 - choices.least_gain) * before
+        ladder.append(MomentRung(tuple(tried), before, after, entered))
+        if entered:
+            names, before = [*names, *tried], after
+    found = _solved(rows, names, axes) if names else np.zeros(0)
+    return known | dict(zip(names, map(float, found), strict=True)), tuple(ladder)
+
+
+def _acts(rows: Sequence[_Rows], name: str, axes: Sequence[int]) -> bool:
+    return any(bool(np.any(row.columns[name][axes])) for row in rows)
+
+
+def _predictor(rows: Sequence[_Rows], axes: Sequence[int]) -> dict[str, float]:
+    """Everything free over all frequencies: the share of the motors' moments that shows, and all moments of the air."""
+    names = [name for name in AIR_TERMS if _acts(rows, name, axes)]
+    gains = [GAINS[place] for place in axes]
+    freed = []
+    for row in rows:
+        columns = dict(row.columns)
+        for place in axes:
+            columns[GAINS[place]] = np.zeros_like(row.motors)
+            columns[GAINS[place]][place] = row.motors[place]
+        freed.append(row._replace(left=row.left + row.motors, columns=columns))
+    names = [*gains, *names]
+    return dict(zip(names, map(float, _solved(freed, names, axes)), strict=True))
