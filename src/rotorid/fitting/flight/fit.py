@@ -7,7 +7,7 @@ the thrust held follow.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.flight.force import PLACE, ForceRows, Products, force_rows, solved, squares, through_sensor, total
+from rotorid.fitting.flight.moment import MomentChoices, MomentFit, Octave, fit_moments, motor_lag
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, velocity_class
 from rotorid.models.flight import (
     Airframe,
@@ -50,6 +51,8 @@ class FlightChoices(Immutable):
         By which the stamps of the motors of each record are earlier than those of the gyros; none by default.
     least_gain
         Share by which a term has to lower the error of data that were not fitted.
+    predictor
+        Whether numbers that predict this closed loop best are wanted beside those of the vehicle.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -59,6 +62,7 @@ class FlightChoices(Immutable):
     cutoff_hz: float | None = None
     skews_s: tuple[float, ...] = ()
     least_gain: float = 0.01
+    predictor: bool = False
 
     def __post_init__(self) -> None:
         self._set(values=self.values)
@@ -84,28 +88,6 @@ class Rung(NamedTuple):
     after: float
     entered: bool
     why: str = ""
-
-
-class Octave(NamedTuple):
-    """How far the motors explain one axis in one octave.
-
-    Parameters
-    ----------
-    axis
-        ``p``, ``q`` or ``r``.
-    low_hz, high_hz
-        The octave.
-    correlation
-        Of measured with predicted, on thirds that were not fitted.
-    kept
-        Whether it belongs to the band that the vehicle's torque is fitted in.
-    """
-
-    axis: str
-    low_hz: float
-    high_hz: float
-    correlation: float
-    kept: bool
 
 
 class FlightRange(NamedTuple):
@@ -205,6 +187,8 @@ class FlightFit(Immutable):
         Error of moment of each record, shape ``(records,)``; empty where moments were not fitted.
     predictor
         Numbers that predict this closed loop best, and are not the vehicle's; empty where they were not asked for.
+    moments
+        Fit of the moments; ``None`` where there was none.
     """
 
     airframe: Airframe
@@ -227,6 +211,7 @@ class FlightFit(Immutable):
     octaves: tuple[Octave, ...] = ()
     moment_rms_nm: FloatArray = field(default_factory=lambda: np.zeros(0))
     predictor: Mapping[str, float] = field(default_factory=dict)
+    moments: MomentFit | None = None
 
     def __post_init__(self) -> None:
         vectors = {name: read_only(getattr(self, name), np.float64, ndim=1) for name in _VECTORS}
@@ -257,9 +242,9 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     InsufficientDataError
         A record has no specific force along all axes.
     """
-    choices = choices or FlightChoices()
     records = tuple(records)
     _check(records, airframe)
+    choices = _with_lag(records, airframe, choices or FlightChoices())
     kind = choices.velocity or _least(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     names = (*(("c_2", "c_lambda", "k_d") if kind != "none" else ("c_2",)), *PLACE)
@@ -279,7 +264,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         )
         for record, moved in zip(records, driven, strict=True)
     ]
-    return FlightFit(
+    forces = FlightFit(
         airframe=airframe,
         records=tuple(record.name for record in records),
         values=values,
@@ -297,6 +282,44 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         tested=covered(records, driven),
         hover=hover_thrust(values, airframe),
     )
+    return with_moments(forces, records, choices)
+
+
+def fitted_motion(fit: FlightFit, records: Sequence[MotorRecord]) -> list[Motion]:
+    """What drives the model over the records of a fit."""
+    return [
+        motion(record, fit.values, kind=fit.velocity, wind=wind, skew_s=float(skew))
+        for record, wind, skew in zip(records, fit.winds, fit.skews_s, strict=True)
+    ]
+
+
+def with_moments(forces: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices) -> FlightFit:
+    """A fit of forces with the moments that follow with them held (:mod:`rotorid.fitting.flight.moment`)."""
+    wanted = MomentChoices(
+        known=choices.values, terms=choices.terms, least_gain=choices.least_gain, predictor=choices.predictor
+    )
+    found = fit_moments(records, forces.airframe, fitted_motion(forces, records), forces.values, wanted)
+    return replace(
+        forces,
+        values={**forces.values, **found.values},
+        free=(*forces.free, *(name for name in found.free if name not in forces.free)),
+        entered=(*forces.entered, *found.entered),
+        missing={**forces.missing, **found.missing},
+        octaves=found.octaves,
+        moment_rms_nm=found.rms_nm,
+        predictor=found.predictor,
+        moments=found,
+    )
+
+
+def _with_lag(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightChoices) -> FlightChoices:
+    """Motors known by their outputs follow them with a lag, which roll and pitch show before thrust is known."""
+    if "T_motor" in choices.values or all(record.between == "lines" for record in records):
+        return choices
+    chain = motor_lag(records, airframe)
+    if chain is None:
+        return choices
+    return replace(choices, values={**choices.values, "T_motor": chain.parameters["T_motor"].value})
 
 
 def predicted_force(
