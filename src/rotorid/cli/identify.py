@@ -283,7 +283,7 @@ def _print_model(document: ResultDocument, elsewhere: Sequence[FindingDocument] 
     if (found := document.verdict) is not None:
         console.print(f"fit: {found.word}", style=INKS[found.color], markup=False, end=". ")
         console.print(found.reason, markup=False)
-    parts = (_verified, _derived, _motors, _fit, _repeated, _orders)
+    parts = (_verified, _derived, _motors, _flight, _fit, _repeated, _orders)
     lines = [*(line for part in parts for line in part(document)), *(each.words for each in document.identifiability)]
     print_lines(lines, verbose=verbose, item="detail", most=_MOST_LINES)
     printed = {(finding.kind, finding.message) for finding in elsewhere}
@@ -325,7 +325,7 @@ def _motors(document: ResultDocument) -> Iterator[str]:
     if document.motors is None:
         return
     words = {
-        "thrust_hover": "thrust of a rotor at the mean output",
+        "thrust_hover": f"thrust of a rotor {'at the mean output' if document.flight is None else 'in hover'}",
         "thrust_slope": "its slope",
         "thrust_full": "at full output",
         "thrust_to_weight": "full thrust over weight",
@@ -336,6 +336,21 @@ def _motors(document: ResultDocument) -> Iterator[str]:
     ]
     yield ", ".join(lines)
     yield f"rotors: {document.motors.layout}; {document.motors.curve} thrust curve of {document.motors.source}"
+
+
+def _flight(document: ResultDocument) -> Iterator[str]:
+    """Drag, wind and errors of a model of flight."""
+    if (flight := document.flight) is None:
+        return
+    from rotorid.report.flight import drag_words
+
+    if (drag := flight.hover.get("drag")) is not None:
+        words = drag_words(flight)
+        yield f"rotor drag {with_error(drag.value, drag.std)} 1/s in hover{f'; {words}' if words else ''}"
+    for log in flight.logs:
+        wind = f", wind {log.wind_m_s[0]:.1f} m/s north, {log.wind_m_s[1]:.1f} m/s east" if log.wind_m_s else ""
+        moment = "" if log.moment_rms_nm is None else f" and {1e3 * log.moment_rms_nm:.3g} mN m"
+        yield f"{log.record}: error {log.force_rms_n:.3g} N{moment}{wind}"
 
 
 def _derived(document: ResultDocument) -> Iterator[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord
 from rotorid.fits.flight.fit import fit_flight_data
-from rotorid.fits.flight.fitted import FittedFlight, fit_percents, force_scores, simulated_record
+from rotorid.fits.flight.fitted import FittedFlight, drag_points, fit_percents, force_scores, simulated_record
 from rotorid.fits.flight.remarks import judge_flight
 from rotorid.fits.remarks import judge_combinations
 from rotorid.flights.flight_data import FlightMotion, flight_data
@@ -151,6 +151,7 @@ def flight_physics(fitted: FittedFlight) -> FlightPhysics:
         logs=tuple(_of_log(fitted, number) for number in range(len(data.records))),
         limits=FlightLimits(edge_m_s=tested.edge, climb_m_s=tested.climb, load=tested.load, motors=tested.speed),
         hover=dict(fitted.hover),
+        drag=drag_points(fitted),
         scatter=None if fit.errors is None else ("flights" if fit.errors.how == "flights" else "assumed"),
         predictor=dict(fit.predictor),
     )

@@ -24,6 +24,7 @@ from rotorid.plot.figure import Figure, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
+from rotorid.report.flight import FlightShown, flight_shown
 from rotorid.report.frame import Picture, drawn, over_frequency, render
 from rotorid.report.motors import MotorsShown, motors_shown
 from rotorid.report.parts import (
@@ -638,6 +639,7 @@ class Section:
     search: SearchShown | None = None
     bootstrap: BootstrapShown | None = None
     motors: MotorsShown | None = None
+    air: FlightShown | None = None
     derived: DerivedShown | None = None
 
     @property
@@ -656,6 +658,7 @@ class Section:
         single = (*(self.search.pictures if self.search else ()), self.poles_picture, self.correlation)
         return (
             *(self.motors.pictures if self.motors else ()),
+            *(self.air.pictures if self.air else ()),
             *((self.derived.picture,) if self.derived and self.derived.picture else ()),
             *(self.time.all_pictures if self.time else ()),
             *self.responses,
@@ -731,6 +734,7 @@ def section(
         excitations=f"{counted(len(document.provenance.maneuvers), 'maneuver')} in {counted(len(flown), 'log')}",
         time=None if document.motors else time_fits(shown, key=f"{anchor}-time"),
         motors=motors_shown(shown, key=f"{anchor}-motors"),
+        air=flight_shown(shown, key=f"{anchor}-air"),
         derived=derived_shown(document.derived, key=f"{anchor}-thrust-coefficient"),
         crossed=crossed(document.cross_validation),
         search=search_shown(document.search, key=f"{anchor}-search-cost"),

@@ -73,7 +73,7 @@ def vehicle_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[Vehicl
     """Mass, inertia, thrust, lag and torque, with deviations and units, and whether each was given or found."""
     return (
         *_body(document, motors),
-        *_thrust(motors),
+        *_thrust(document, motors),
         *_lag(document, motors),
         *_torque(document),
     )
@@ -109,13 +109,14 @@ def _row(words: str, symbol: str, found: ParameterEstimate, *, note: str = "") -
     )
 
 
-def _thrust(motors: MotorPhysics) -> Iterator[VehicleRow]:
+def _thrust(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow]:
     speed = motors.outputs == "speed"
     hover = f"{significant(motors.hover_output)}{' rad/s' if speed else ''}"
+    hover = f"at the mean output, {hover}" if document.flight is None else f"at {hover}"
     highest = motors.flown_outputs[1]
     beyond = f"extrapolated, flown up to {significant(highest, digits=2)}" if highest < FULL_OUTPUT else ""
     labels = {
-        "thrust_hover": ("Rotor thrust near hover", f"at the mean output, {hover}"),
+        "thrust_hover": ("Rotor thrust near hover", hover),
         "thrust_slope": ("Slope of thrust near hover", "per speed" if speed else "per output from 0 to 1"),
         "thrust_full": ("Rotor thrust at full output", beyond),
         "thrust_to_weight": ("Thrust to weight", beyond),
@@ -299,6 +300,8 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
 
     .. math:: \sigma^2(x) = \sum_{ij} x^i x^j \, \mathrm{Cov}(c_i, c_j)
 
+    With inflow it is that of hover: the induced velocity grows with the output, so that inflow counts as a square too.
+
     Parameters
     ----------
     document
@@ -306,14 +309,18 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
     outputs
         Shape ``(n,)``.
     """
-    found = {name: document.parameters[name] for name in _TERMS if name in document.parameters}
+    rows = {name: outputs**power for name, power in _TERMS.items()}
+    if (flight := document.flight) is not None:
+        induced, speed = (flight.hover[name].value for name in ("induced_velocity", "speed"))
+        rows["c_lambda"] = -(outputs**2) * induced / speed
+    found = {name: document.parameters[name] for name in rows if name in document.parameters}
     thrust_n = np.zeros(outputs.shape)
     for name, estimate in found.items():
-        thrust_n = thrust_n + estimate.value * outputs ** _TERMS[name]
+        thrust_n = thrust_n + estimate.value * rows[name]
     free = [name for name, estimate in found.items() if estimate.std]
     if not free:
         return thrust_n, np.zeros(outputs.shape)
-    deviations = np.stack([(found[name].std or 0.0) * outputs ** _TERMS[name] for name in free])
+    deviations = np.stack([(found[name].std or 0.0) * rows[name] for name in free])
     variance = np.einsum("in,ij,jn->n", deviations, _correlation(document.correlation, free), deviations)
     return thrust_n, np.sqrt(np.maximum(variance, 0.0))
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rotorid.documents.response import ResponseDocument
     from rotorid.documents.result import ResultDocument
     from rotorid.documents.verify import VerifyDocument
-    from rotorid.results.summary import DerivedSummary, ManeuverCheck, MotorPhysics
+    from rotorid.results.summary import DerivedSummary, FlightPhysics, ManeuverCheck, MotorPhysics
 
 TableFormat: TypeAlias = Literal["csv", "tex"]
 TABLE_FORMATS: tuple[TableFormat, ...] = ("csv", "tex")
@@ -276,6 +276,7 @@ def result_tables(document: ResultDocument) -> tuple[Table, ...]:
         _search_runs(document),
         _folds(document),
         *(motor_tables(document.motors) if document.motors else ()),
+        *(flight_tables(document.flight) if document.flight else ()),
         *(derived_tables(document.derived) if document.derived else ()),
     )
     return tuple(table for table in found if table is not None and table.rows)
@@ -692,6 +693,51 @@ def motor_tables(motors: MotorPhysics) -> tuple[Table, ...]:
         symbols=("parameter",),
     )
     return derived, both
+
+
+def flight_tables(flight: FlightPhysics) -> tuple[Table, ...]:
+    """The air of a vehicle: wind, stamps and errors of each stretch, and the terms that were tried."""
+    logs = Table(
+        name="flights",
+        caption="Wind, stamps of the motors and errors of each stretch; errors are root mean squares.",
+        columns=(
+            Column("record", "Record"),
+            Column("start_s", "Start [s]"),
+            Column("stop_s", "Stop [s]"),
+            Column("wind_north_m_s", "Wind north [m/s]"),
+            Column("wind_east_m_s", "Wind east [m/s]"),
+            Column("skew_s", "Motors early [s]"),
+            Column("force_rms_n", "Force [N]"),
+            Column("moment_rms_nm", "Moment [N m]"),
+        ),
+        rows=tuple(
+            (
+                log.record,
+                log.start_s,
+                log.stop_s,
+                *(log.wind_m_s or (None, None)),
+                log.skew_s,
+                log.force_rms_n,
+                log.moment_rms_nm,
+            )
+            for log in flight.logs
+        ),
+    )
+    ladder = Table(
+        name="terms",
+        caption="Error of force on data that were left out, without and with some terms.",
+        columns=(
+            Column("terms", "Terms"),
+            Column("before_n", "Without [N]"),
+            Column("after_n", "With [N]"),
+            Column("result", "Result"),
+        ),
+        rows=tuple(
+            (", ".join(step.terms), step.before_n, step.after_n, "used" if step.entered else step.why or "left out")
+            for step in flight.ladder
+        ),
+    )
+    return logs, ladder
 
 
 def derived_tables(derived: DerivedSummary) -> tuple[Table, ...]:

@@ -31,6 +31,7 @@ from rotorid.results.summary import (
     METHODS,
     FitEnd,
     FitVerdict,
+    FlightPhysics,
     ManeuverCheck,
     MotorPhysics,
     ParameterEstimate,
@@ -63,8 +64,20 @@ def motor_sentences(document: ResultDocument) -> tuple[str, ...]:
     motors = document.motors
     if motors is None:
         return ()
-    sentences = (_inertia(document, motors), _thrust(motors), _lag(document, motors))
+    sentences = (_air(document), _inertia(document, motors), _thrust(motors), _lag(document, motors))
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _air(document: ResultDocument) -> str:
+    """Drag of the rotors and the error of force; empty where the air is not in the model."""
+    flight = document.flight
+    if flight is None:
+        return ""
+    drag = flight.hover.get("drag")
+    words = f"Rotor drag: {with_error(drag.value, drag.std)} 1/s in hover. " if drag else ""
+    unit_words = "N" if document.motors is not None and document.motors.scale else "N per kilogram"
+    worst = significant(max(log.force_rms_n for log in flight.logs))
+    return f"{words}Error of force: {worst} {unit_words} at airspeeds up to {flight.limits.edge_m_s[1]:.2g} m/s."
 
 
 def _inertia(document: ResultDocument, motors: MotorPhysics) -> str:
@@ -141,7 +154,8 @@ def open_questions(document: ResultDocument) -> tuple[str, ...]:
 def _open(document: ResultDocument, motors: MotorPhysics) -> Iterator[str]:
     quiet = [axis for axis in AXIS_WORDS if not any(axis in flight.counted for flight in motors.excitation)]
     if turns := [AXIS_WORDS[axis] for axis in quiet if axis != "az"]:
-        yield f"Inertia and damping of {listed(turns)}: no segment excites it. Fly a sweep or doublets."
+        what = "Inertia and damping" if document.flight is None else "Inertia"
+        yield f"{what} of {listed(turns)}: no segment excites it. Fly a sweep or doublets."
     if "az" in quiet:
         yield "Thrust curve: no segment excites thrust, so it is from the weight and the other axes. Sweep thrust."
     if motors.scale is None:
@@ -192,8 +206,24 @@ def method_sentences(document: ResultDocument) -> tuple[str, ...]:
     motors = document.motors
     if motors is None:
         return ()
+    if document.flight is not None:
+        return (*_flight_methods(document.flight), _between(motors))
     by = _absolute_errors() if document.method == "accelerations" else _methods(motors)
     return (*by, _between(motors))
+
+
+def _flight_methods(flight: FlightPhysics) -> Iterator[str]:
+    yield (
+        "Force: least squares of the specific force on the terms of the model, whose inflow follows from momentum "
+        "theory. A term is used where it lowers the error of data that were left out."
+    )
+    if flight.octaves:
+        yield (
+            "Inertia: only octaves in which the motors explain the angular acceleration, because the controller hides "
+            "the torque of the motors elsewhere."
+        )
+    if flight.scatter is not None:
+        yield "Uncertainty: blocks of two seconds within a flight, and the scatter between flights."
 
 
 def _absolute_errors() -> Iterator[str]:

@@ -11,6 +11,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
+import numpy as np
+
+from rotorid.models.flight import Airframe
 from rotorid.models.parameter import Status
 from rotorid.verification.fixed_parameters import Kind
 from rotorid.verification.verification import Scores, Verdict
@@ -376,6 +379,16 @@ class FlightLimits:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class DragPoint:
+    """Mean force against the airspeed along the discs, measured and modeled, N, in a bin of that airspeed."""
+
+    airspeed_m_s: float
+    measured_n: float
+    modeled_n: float
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class FlightPhysics:
     """The air of a fit of ``physical.flight``; rotors and motors are in ``motors``.
 
@@ -384,9 +397,9 @@ class FlightPhysics:
     ``disc_assumed``. ``ladder`` has the terms that were tried and ``missing`` those that these flights cannot show,
     with the reason. ``octaves`` says where the motors explain an axis. ``hover`` has what does not trade as
     coefficients do: thrust of a rotor by its speed squared, its slope there, the induced velocity and the speed in
-    hover. ``scatter`` says whether the spread between flights was measured (``flights``) or ``assumed``; ``null`` where
-    errors have none. ``predictor`` has numbers that predict this closed loop best: they are no properties of the
-    vehicle.
+    hover, and the drag of all rotors over mass. ``scatter`` says whether the spread between flights was measured
+    (``flights``) or ``assumed``; ``null`` where errors have none. ``predictor`` has numbers that predict this closed
+    loop best: they are no properties of the vehicle.
     """
 
     velocity: VelocityClass
@@ -401,8 +414,28 @@ class FlightPhysics:
     logs: tuple[FlightOfLog, ...]
     limits: FlightLimits
     hover: Mapping[str, Derived]
+    drag: tuple[DragPoint, ...] = ()
     scatter: Literal["flights", "assumed"] | None = None
     predictor: Mapping[str, float] = field(default_factory=dict)
+
+
+def airframe_of(motors: MotorPhysics, flight: FlightPhysics, mass_kg: float) -> Airframe:
+    """The vehicle of a result of ``physical.flight``, for the equations of :mod:`rotorid.models.flight`.
+
+    Parameters
+    ----------
+    motors, flight
+        Of the result.
+    mass_kg
+        Its ``m``; one where all numbers are per kilogram.
+    """
+    return Airframe(
+        positions=np.array(motors.rotors, dtype=np.float64),
+        spins=np.array(motors.spins, dtype=np.float64),
+        mass_kg=mass_kg,
+        disc_m2=flight.disc_m2,
+        density_kg_m3=flight.density_kg_m3,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

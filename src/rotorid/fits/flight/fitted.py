@@ -24,7 +24,7 @@ from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.results.model import SimulatedRecord
-from rotorid.results.summary import Derived
+from rotorid.results.summary import Derived, DragPoint
 from rotorid.signal.kinematics import ACCELERATIONS
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
@@ -175,16 +175,25 @@ class FittedFlight(Immutable):
             "speed": (hover.speed, of_speed),
             "induced_velocity": (hover.induced_m_s, "m/s"),
         }
-        stds = hover_stds(self)
+        if (k_d := self.fit.values.get("k_d")) is not None:
+            numbers["drag"] = k_d * _drag_factor(self) * hover.speed, "1/s"
+        stds = _hover_stds(self)
         return {
             name: Derived(value=value, std=stds.get(name, 0.0), unit=unit) for name, (value, unit) in numbers.items()
         }
 
 
-def hover_stds(fitted: FittedFlight) -> dict[str, float]:
-    r"""Standard deviations of thrust and slope in hover: they move along a fit's covariance.
+def _drag_factor(fitted: FittedFlight) -> float:
+    """Drag of all rotors over mass, by coefficient and speed."""
+    airframe = fitted.fit.airframe
+    return airframe.rotors / airframe.mass_kg
 
-    .. math:: k = c_2 - c_\lambda v / \Omega, \qquad T' = c_1 + 2 c_2 \Omega - c_\lambda v
+
+def _hover_stds(fitted: FittedFlight) -> dict[str, float]:
+    r"""Standard deviations of what holds in hover: thrust, its slope, the speed, and drag over mass.
+
+    .. math:: k = c_2 - c_\lambda v / \Omega, \qquad T' = c_1 + 2 c_2 \Omega - c_\lambda v, \qquad
+              D = n k_d \Omega / m
 
     at the speed and the induced velocity of hover, which follow from weight and disc.
     """
@@ -194,18 +203,48 @@ def hover_stds(fitted: FittedFlight) -> dict[str, float]:
         [{"c_0": 1.0, "c_1": speed, "c_2": speed**2, "c_lambda": -speed * induced}.get(n, 0.0) for n in names]
     )
     slope = np.array([{"c_1": 1.0, "c_2": 2.0 * speed, "c_lambda": -induced}.get(n, 0.0) for n in names])
-    if not ratio.any():
-        return {}
     covariance = fitted.bounds.covariance
     # The speed of hover moves with the thrust at a given speed: the weight stays.
     of_speed = -ratio / hover.slope_n
     moved = slope + 2.0 * fitted.fit.values.get("c_2", 0.0) * of_speed
     of_coefficient = -2.0 * hover.coefficient / speed * of_speed
+    by_drag = np.array([speed if name == "k_d" else 0.0 for name in names])
+    of_drag = _drag_factor(fitted) * (by_drag + fitted.fit.values.get("k_d", 0.0) * of_speed)
 
     def std(row: FloatArray) -> float:
         return float(np.sqrt(max(float(row @ covariance @ row), 0.0)))
 
-    return {"thrust_coefficient": std(of_coefficient), "thrust_slope": std(moved), "speed": std(of_speed)}
+    return {
+        "thrust_coefficient": std(of_coefficient),
+        "thrust_slope": std(moved),
+        "speed": std(of_speed),
+        "drag": std(of_drag),
+    }
+
+
+_BINS, _LEAST_BIN_S = 12, 1.0
+
+
+def drag_points(fitted: FittedFlight) -> tuple[DragPoint, ...]:
+    """Mean force against the airspeed along the discs, in bins of that airspeed with a second of flight and more."""
+    parts = [(flown, np.hypot(flown.velocity[0], flown.velocity[1])) for flown in fitted.predicted]
+    fastest = max(float(airspeed.max()) for _, airspeed in parts)
+    if fitted.fit.velocity == "none" or not fastest > 0.0:
+        return ()
+    mass, edges = fitted.fit.airframe.mass_kg, np.linspace(0.0, fastest, _BINS + 1)[1:-1]
+    sums = np.zeros((4, _BINS))
+    for flown, airspeed in parts:
+        along = flown.velocity[:2] / np.maximum(airspeed, 1e-9)
+        bins = np.searchsorted(edges, airspeed, side="right")
+        measured, modeled = (-mass * (rows[:2] * along).sum(axis=0) for rows in (flown.measured, flown.modeled))
+        for row, values in enumerate((np.ones_like(airspeed), airspeed, measured, modeled)):
+            weighed = values / flown.flight.record.sample_rate_hz
+            sums[row] += np.bincount(bins, weights=weighed, minlength=_BINS)
+    return tuple(
+        DragPoint(airspeed_m_s=v / s, measured_n=a / s, modeled_n=b / s, seconds=s)
+        for s, v, a, b in sums.T.tolist()
+        if s >= _LEAST_BIN_S
+    )
 
 
 def fitted_parameters(data: FlightMotion, fit: FlightFit, known: Mapping[str, float]) -> ParameterSet:
