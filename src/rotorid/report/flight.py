@@ -216,8 +216,8 @@ def _predictor(flight: FlightPhysics) -> str:
         return ""
     numbers = ", ".join(f"{name} {significant(value)}" for name, value in flight.predictor.items())
     return (
-        f"These numbers predict this closed loop best over all frequencies: {numbers}. They contain the controller, are "
-        "no properties of the vehicle, and are never exported."
+        f"These numbers predict this closed loop best over all frequencies: {numbers}. They contain the controller, "
+        "are no properties of the vehicle, and are never exported."
     )
 
 
