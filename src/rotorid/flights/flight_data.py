@@ -4,12 +4,17 @@ Motors, rotors, filters and battery are read as for ``physical.motors`` (:mod:`r
 added: the stretches are those in the air, whatever was flown in them, because air shows in fast flight and not in
 excitations; and velocity over ground and attitude where the log has them. A velocity that never changes comes from an
 estimator without aid, and counts as not logged.
+
+Stamps are compared once more: measured speeds against the gyro (:mod:`rotorid.flights.motor_stamps`), of which the skew
+goes into the fit. Of outputs, the skew contains the lag of the motors, so that only differences between logs are one.
+A log whose motors have no relation to its motion is refused.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +27,7 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError, neares
 from rotorid.fitting.flight.motion import VELOCITY_CLASSES, VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.motor_data import Channels, MotorData, Reading, Stretches, given_stretches, motor_data
+from rotorid.flights.motor_stamps import MotorSkew, motor_skew
 from rotorid.flights.segments import is_logged
 from rotorid.flights.supports import SHORTEST_FLIGHT_S
 from rotorid.models.flight import AIR_DENSITY_KG_M3, FLIGHT_PARAMETERS, Airframe
@@ -79,10 +85,13 @@ class FlightMotion(NamedTuple):
         were logged.
     given
         The airframe before the fit.
+    skews_s
+        For each stretch by how much the stamps of the motors are earlier than those of the gyro.
     """
 
     motors: MotorData
     given: GivenAirframe
+    skews_s: tuple[float, ...]
 
     @property
     def records(self) -> tuple[MotorRecord, ...]:
@@ -155,7 +164,48 @@ def flight_data(
     motors = motor_data(
         records, choices, reference_v=reference_v, layout=layout, reading=Reading(flown_stretches, _channels)
     )
-    return FlightMotion(motors, given_airframe(motors.layout, choices))
+    return FlightMotion(motors, given_airframe(motors.layout, choices), _skews(motors))
+
+
+_OF_MOTORS_S = 0.003
+"""Difference of skews between logs from which stamps differ, and not the lag of the motors."""
+
+_SURE = 3.0
+
+
+def _skews(motors: MotorData) -> tuple[float, ...]:
+    """For each stretch the skew of its log.
+
+    Raises
+    ------
+    InsufficientDataError
+        The motors of a log have no relation to its motion.
+    """
+    found = {id(record): _skew(record, motors) for record in {id(f.record): f.record for f in motors.flights}.values()}
+    late = {key: skew.late_s for key, skew in found.items() if skew is not None}
+    if motors.kind != "speed":
+        usual = float(np.median([each.value for each in late.values()])) if late else 0.0
+        late = {
+            key: replace(each, value=each.value - usual)
+            for key, each in late.items()
+            if abs(each.value - usual) > max(_OF_MOTORS_S, _SURE * each.std)
+        }
+    logs = {(flight.record.source.name, flight.maneuver.start_s): id(flight.record) for flight in motors.flights}
+    keys = (logs.get((stretch.record.name, stretch.maneuver.start_s)) for stretch in motors.stretches)
+    return tuple(late[key].value if key in late else 0.0 for key in keys)
+
+
+def _skew(record: FlightRecord, motors: MotorData) -> MotorSkew | None:
+    """The skew of a log; ``None`` where its flight is too calm, too slow or too short to show it."""
+    spans = tuple(
+        (flight.maneuver.start_s, flight.maneuver.stop_s) for flight in motors.flights if flight.record is record
+    )
+    try:
+        return motor_skew(record, motors.layout, intervals=spans)
+    except InsufficientDataError as error:
+        if any(finding.kind == "motor_stamps" for finding in error.findings):
+            raise
+        return None
 
 
 def given_airframe(layout: RotorLayout, choices: MotorSettings) -> GivenAirframe:
