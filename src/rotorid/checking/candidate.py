@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rotorid.checking.flight import FlightPredictor, identified_flight, known_flight
 from rotorid.checking.motors import MotorPredictor, identified_motors, known_motors
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
@@ -56,6 +57,8 @@ class Candidate(Immutable):
         :func:`rotorid.checking.maneuvers.excited_outputs`; empty when that is not known.
     motors
         The vehicle, of a result of ``physical.motors``; the structure is then its motion around hover.
+    flight
+        The vehicle with its air, of a result of ``physical.flight``; the structure is then its motion around hover.
     nonlinear
         The equations with their values, of a nonlinear model; the structure is then its small motion about rest.
     """
@@ -67,6 +70,7 @@ class Candidate(Immutable):
     provenance: Provenance | None = None
     usual: Mapping[str, float] = field(default_factory=dict)
     motors: MotorPredictor | None = None
+    flight: FlightPredictor | None = None
     nonlinear: NonlinearStructure | None = None
 
     @property
@@ -89,6 +93,7 @@ def candidate_model(model: IdentifiedModel) -> Candidate:
         sources=model.provenance.sources or None,
         provenance=model.provenance,
         motors=identified_motors(model),
+        flight=identified_flight(model),
         nonlinear=model.nonlinear,
     )
 
@@ -170,12 +175,15 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
     pairs = (table.get("cost") or {}).get("pairs") or {}
     bands = [pair["band_rad_s"] for pair in pairs.values()]
     sources = (table.get("provenance") or {}).get("sources") or None
+    family = family_of(structure)
+    needs = family.needs if family.needs_result else ""
     return Candidate(
         structure=structure,
         band_rad_s=(min(low for low, _ in bands), max(high for _, high in bands)) if bands else None,
         sources=sources,
         provenance=_provenance(table),
-        motors=known_motors(table) if family_of(structure).needs_result else None,
+        motors=known_motors(table) if needs == "motors" else None,
+        flight=known_flight(table) if needs == "flight" else None,
     )
 
 

@@ -9,15 +9,21 @@ from rotorid.results.model import FrequencyCheck, Verifications
 from rotorid.results.summary import (
     Ahead,
     AheadScore,
+    AxisLoads,
     Checks,
     ClosedLoopScores,
+    FlightScores,
     ManeuverCheck,
     SignalScore,
+    StepError,
+    StepsAhead,
     SweepCheck,
     Trim,
     finite,
 )
 from rotorid.verification.closed_loop import ClosedLoop
+from rotorid.verification.flight import FlightJudgement
+from rotorid.verification.multistep import StepErrors
 from rotorid.verification.prediction import Prediction
 from rotorid.verification.verification import Scores, Verification, verdict
 
@@ -75,6 +81,7 @@ def maneuver_check(check: Verification, states: Sequence[str], trim: Trim | None
         holds_s=dict(check.ahead.holds_s) if check.ahead else {},
         closed_loop=_closed_loop(check.closed_loop) if check.closed_loop else None,
         trim=trim,
+        flight=flight_scores(check.flight) if check.flight else None,
     )
 
 
@@ -121,3 +128,43 @@ def _closed_loop(flown: ClosedLoop) -> ClosedLoopScores:
 def sweep_check(sweep: FrequencyCheck) -> SweepCheck:
     """Unseen sweeps in numbers."""
     return SweepCheck(records=tuple(sweep.records), pairs=dict(sweep.pairs))
+
+
+_SHOWN_STEPS = 5
+"""Horizons that a document holds: the first and the last, and some between."""
+
+
+def flight_scores(judged: FlightJudgement) -> FlightScores:
+    """A physical model on a stretch, or on several, in numbers."""
+    return FlightScores(
+        force_rms_n=judged.errors.force_rms_n,
+        moment_rms_nm=judged.errors.moment_rms_nm,
+        axes={axis: AxisLoads(**error._asdict()) for axis, error in judged.errors.axes.items()},
+        outside_percent=judged.outside_percent,
+        outside=dict(judged.outside),
+        ahead=_steps(judged.ahead) if judged.ahead else None,
+        wind_m_s=judged.wind,
+        skew_s=judged.skew_s,
+    )
+
+
+def _steps(ahead: StepErrors) -> StepsAhead:
+    last = ahead.horizons_s.size - 1
+    shown = sorted({round(last * share / (_SHOWN_STEPS - 1)) for share in range(_SHOWN_STEPS)})
+    return StepsAhead(
+        horizon_s=float(ahead.horizons_s[-1]),
+        steps=last + 1,
+        starts=ahead.starts,
+        errors={
+            name: tuple(
+                StepError(
+                    horizon_s=float(ahead.horizons_s[step]),
+                    model=float(row[step]),
+                    naive=float(ahead.naive[name][step]),
+                )
+                for step in shown
+            )
+            for name, row in ahead.model.items()
+        },
+        ratios={name: ratio for name, ratio in ahead.ratios.items() if math.isfinite(ratio)},
+    )

@@ -12,6 +12,8 @@ from rotorid.models.families import family_of
 
 def predictor_of(candidate: Candidate) -> Predictor:
     """How a model predicts flights: by its motors, by its equations, or about a trim."""
+    if candidate.flight is not None:
+        return candidate.flight
     if candidate.motors is not None:
         return candidate.motors
     if candidate.nonlinear is None:

@@ -439,6 +439,12 @@ KINDS: Mapping[str, Kind] = {
     "known_filter": Kind(
         "info", "Known filter", "A channel passed these filters, with this delay, according to the log."
     ),
+    "beyond_range": Kind(
+        "warning",
+        "Beyond the identified range",
+        "The flight leaves the airspeeds, climb rates, load factors or rotor speeds of the fitted flights, so the "
+        "model extrapolates.",
+    ),
     "beyond_speeds": Kind(
         "warning",
         "Beyond the identified speeds",

@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.checking.checks import sweep_check
+from rotorid.checking.checks import flight_scores, sweep_check
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.identifying.verification import Verified
 from rotorid.results.model import Refused
-from rotorid.results.summary import ManeuverCheck, Range, SweepCheck
+from rotorid.results.summary import FlightScores, ManeuverCheck, Range, SweepCheck
+from rotorid.verification.flight import together
 from rotorid.verification.scores import scaled_guidelines
 
 
@@ -34,6 +35,7 @@ class VerifyDocument(Document):
     maneuvers: list[ManeuverCheck] = Field(default_factory=list)
     frequency: list[SweepCheck] = Field(default_factory=list)
     j_rms_guideline: GuidelineDocument | None = None
+    flight: FlightScores | None = None
     covered: dict[str, Range] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
@@ -51,10 +53,17 @@ def verify_document(verified: Verified) -> VerifyDocument:
         maneuvers=list(verified.maneuvers),
         frequency=[sweep_check(sweep) for sweep in verified.found.sweeps],
         j_rms_guideline=guideline_document(verified.scale),
+        flight=_flight(verified),
         covered=dict(verified.covered),
         findings=[FindingDocument.model_validate(finding) for finding in verified.findings],
         provenance=ProvenanceDocument.model_validate(verified.provenance),
     )
+
+
+def _flight(verified: Verified) -> FlightScores | None:
+    """All stretches together, of a physical model."""
+    judged = [check.flight for check in verified.found.maneuvers if check.flight is not None]
+    return flight_scores(together(judged)) if judged else None
 
 
 def refused_verify_document(refused: Refused) -> VerifyDocument:

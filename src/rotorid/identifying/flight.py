@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.findings import Finding, warn
+from rotorid.checking.flight import FlightPredictor, torque_bands
+from rotorid.data.findings import Finding
 from rotorid.data.record import FlightRecord
 from rotorid.fits.flight.fit import fit_flight_data
 from rotorid.fits.flight.fitted import FittedFlight, drag_points, fit_percents, force_scores, simulated_record
 from rotorid.fits.flight.remarks import judge_flight
 from rotorid.fits.remarks import judge_combinations
 from rotorid.flights.flight_data import FlightMotion, flight_data
+from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.identifying.motors import straightening_of
 from rotorid.results.model import FittedData, Verifications, no_response
@@ -32,6 +34,7 @@ from rotorid.results.summary import (
     RecordFit,
 )
 from rotorid.settings.motors import MotorSettings
+from rotorid.settings.verifying import VerifySettings
 from rotorid.uncertainty.identifiability import unseen_combinations
 
 
@@ -55,13 +58,24 @@ class Flights:
         """Fit force and moment; bound every number by its scatter within and between flights."""
         return fit_flight_data(data, self.settings)
 
-    def verify(self, data: FlightMotion, fitted: FittedFlight, records: Sequence[FlightRecord]) -> Verifications:  # noqa: ARG002 - as all methods
-        """Predictions of further logs."""
-        findings = [
-            warn("not_verified", record.source.name, "Verify physical.flight with rotorid verify.")
-            for record in records
-        ]
-        return Verifications(findings=tuple(findings))
+    def verify(self, data: FlightMotion, fitted: FittedFlight, records: Sequence[FlightRecord]) -> Verifications:
+        """Predict force and moment of further logs; a finding names what cannot be judged."""
+        fit = fitted.fit
+        predictor = FlightPredictor(
+            parameters=fitted.parameters,
+            airframe=fit.airframe,
+            layout=data.layout,
+            kind=data.kind,
+            velocity=fit.velocity,
+            tested=fit.tested,
+            bands_hz=torque_bands(
+                [(octave.axis, octave.low_hz, octave.high_hz) for octave in fit.octaves if octave.kept]
+            ),
+            cutoff_hz=fit.cutoff_hz,
+            reference_v=data.motors.reference_v,
+            choices=self.settings,
+        )
+        return predictor.predict(records, VerifySettings(), Selection(fitted=data.flights, unseen=())).found
 
     def checks(self, fitted: FittedFlight, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
         """Scores of each stretch."""

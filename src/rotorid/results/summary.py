@@ -145,6 +145,58 @@ class ClosedLoopScores:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class AxisLoads:
+    """Root mean square error of force along an axis and of moment about it; ``null`` where the model has none."""
+
+    force_rms_n: float | None = None
+    moment_rms_nm: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepError:
+    """Mean error of one quantity after one time, and that of a state that is kept."""
+
+    horizon_s: float
+    model: float
+    naive: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepsAhead:
+    """Predictions by motors alone over ``steps`` steps up to ``horizon_s``, from ``starts`` states of the log.
+
+    ``errors`` has some of the steps, in m, m/s, rad and rad/s by ``position``, ``velocity``, ``attitude`` and
+    ``rates``; ``ratios`` the sums over all steps, as shares of those of a state that is kept.
+    """
+
+    horizon_s: float
+    steps: int
+    starts: int
+    errors: Mapping[str, tuple[StepError, ...]]
+    ratios: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FlightScores:
+    """A physical model on unseen flight, in units of force and moment.
+
+    ``force_rms_n`` and ``moment_rms_nm`` are root mean squares of the length of the error vector, over the ``axes``
+    (``x``, ``y``, ``z``) that the model has. ``outside_percent`` is the share of the time outside of the identified
+    range, ``outside`` that of each range (``airspeed``, ``climb``, ``load``, ``motors``). ``wind_m_s`` blows toward
+    north and east, and motors were stamped ``skew_s`` early, as found in this flight.
+    """
+
+    force_rms_n: float | None
+    moment_rms_nm: float | None
+    axes: Mapping[str, AxisLoads]
+    outside_percent: float | None = None
+    outside: Mapping[str, float] = field(default_factory=dict)
+    ahead: StepsAhead | None = None
+    wind_m_s: tuple[float, float] | None = None
+    skew_s: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ManeuverCheck:
     """One unseen maneuver: open loop, prediction ahead, closed loop, and what follows."""
 
@@ -164,6 +216,7 @@ class ManeuverCheck:
     holds_s: Mapping[str, float] = field(default_factory=dict)
     closed_loop: ClosedLoopScores | None = None
     trim: Trim | None = None
+    flight: FlightScores | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

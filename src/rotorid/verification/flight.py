@@ -14,8 +14,9 @@ A model was identified over ranges of airspeed, climb, load factor and rotor spe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ from rotorid.fitting.flight.motion import Motion
 from rotorid.models.flight import Airframe, flight_loads
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
+from rotorid.verification.multistep import StepErrors, pooled
 
 MOMENT_HZ = 25.0
 """Up to here moments are compared: angular acceleration is a derivative of the gyro."""
@@ -221,3 +223,75 @@ def percents(outside: list[dict[str, BoolArray]]) -> tuple[float, dict[str, floa
     rows = {name: np.concatenate([part[name] for part in outside]) for name in outside[0]}
     anywhere = np.any(list(rows.values()), axis=0)
     return 100.0 * float(anywhere.mean()), {name: 100.0 * float(row.mean()) for name, row in rows.items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightJudgement(Immutable):
+    """A physical model on one stretch of a flight.
+
+    Parameters
+    ----------
+    samples
+        How many it was judged on.
+    errors
+        Of force and moment.
+    outside_percent
+        Share of the time outside of any identified range; ``None`` where no range is known.
+    outside
+        The same of each range.
+    ahead
+        Predictions over many steps from states of the log; ``None`` where the log has no velocity and attitude, or the
+        model no inertia.
+    wind
+        Toward north and east, m/s, found in this flight.
+    skew_s
+        How much earlier the stamps of the motors were than those of the gyro; taken out.
+    """
+
+    samples: int
+    errors: LoadErrors
+    outside_percent: float | None = None
+    outside: Mapping[str, float] = field(default_factory=dict)
+    ahead: StepErrors | None = None
+    wind: tuple[float, float] | None = None
+    skew_s: float | None = None
+
+
+def together(judged: Sequence[FlightJudgement]) -> FlightJudgement:
+    """Several stretches as one: means of squares and of times by their samples, steps by their starts.
+
+    Wind and skew are those of a stretch, so that only a single one keeps them.
+    """
+    if len(judged) == 1:
+        return judged[0]
+    weights = np.array([part.samples for part in judged], dtype=np.float64)
+
+    def root(values: Sequence[float | None]) -> float | None:
+        known = [(value, weight) for value, weight in zip(values, weights, strict=True) if value is not None]
+        if not known:
+            return None
+        squares, shares = zip(*((value**2, weight) for value, weight in known), strict=True)
+        return math.sqrt(float(np.average(squares, weights=shares)))
+
+    def mean(values: Sequence[float | None]) -> float | None:
+        return float(np.average([v or 0.0 for v in values], weights=weights)) if None not in values else None
+
+    ahead = [part.ahead for part in judged if part.ahead is not None]
+    alike = [part for part in ahead if part.horizons_s.shape == ahead[0].horizons_s.shape]
+    return FlightJudgement(
+        samples=int(weights.sum()),
+        errors=LoadErrors(
+            root([part.errors.force_rms_n for part in judged]),
+            root([part.errors.moment_rms_nm for part in judged]),
+            {
+                axis: AxisError(
+                    root([part.errors.axes[axis].force_rms_n for part in judged]),
+                    root([part.errors.axes[axis].moment_rms_nm for part in judged]),
+                )
+                for axis in _BODY
+            },
+        ),
+        outside_percent=mean([part.outside_percent for part in judged]),
+        outside={name: mean([part.outside.get(name) for part in judged]) or 0.0 for name in judged[0].outside},
+        ahead=pooled(alike) if alike else None,
+    )

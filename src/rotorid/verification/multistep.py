@@ -122,7 +122,7 @@ class StepErrors(Immutable):
         return {name: float(self.model[name].sum()) / total if total > 0.0 else np.inf for name, total in sums.items()}
 
 
-def pooled(parts: list[StepErrors]) -> StepErrors:
+def pooled(parts: Sequence[StepErrors]) -> StepErrors:
     """Errors of several stretches with the same steps, each start counting once."""
     counts = np.array([part.starts for part in parts], dtype=np.float64)
 
@@ -311,7 +311,7 @@ class _Body:
             self.values,
             self.airframe,
             speeds=speeds,
-            velocity=_to_body(state.attitude, state.velocity - self.wind),
+            velocity=to_body(state.attitude, state.velocity - self.wind),
             rates=state.rates,
             spin_up=spin_up,
         )
@@ -347,5 +347,6 @@ def _to_earth(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(vector + quaternion[0] * twice + np.cross(along, twice, axis=0))
 
 
-def _to_body(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
+def to_body(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
+    """Vectors over the earth in body axes, by quaternions from body to earth."""
     return _to_earth(quaternion * np.array([1.0, -1.0, -1.0, -1.0])[:, None], vector)

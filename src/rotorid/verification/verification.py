@@ -16,6 +16,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import Maneuver
 from rotorid.typing import FloatArray
 from rotorid.verification.closed_loop import ClosedLoop
+from rotorid.verification.flight import FlightJudgement
 from rotorid.verification.prediction import HORIZONS_S, Horizon, Prediction
 from rotorid.verification.scores import GUIDELINES, guidelines_met
 
@@ -81,6 +82,8 @@ class Verification(Immutable):
         Predictions over short horizons, restarted at every sample, or ``None`` where the record is too short.
     closed_loop
         The model under the controller that flew, or ``None`` where that is not known.
+    flight
+        Force, moment and many steps of a physical model; ``None`` for all others.
     """
 
     record: str
@@ -99,6 +102,7 @@ class Verification(Immutable):
     moved: tuple[str, ...] = ()
     ahead: Prediction | None = None
     closed_loop: ClosedLoop | None = None
+    flight: FlightJudgement | None = None
 
     def __post_init__(self) -> None:
         self._set(

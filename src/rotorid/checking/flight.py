@@ -1,0 +1,543 @@
+"""The physics of flight on logs that it was not identified on.
+
+Motors, rates and the velocity through the air of each moment go in; force and moment come out, and are compared with
+accelerometer and gyro in N and N m, per axis. Nothing of the vehicle is adjusted: of each log, the wind and the skew
+between the clocks of motors and gyro are found, as in a fit. From states of the log, the motors alone then fly the
+vehicle over half a second; position, velocity, attitude and rates are compared with the log, and with a state that is
+kept.
+
+``simulate`` flies whole logs so, begun anew every two seconds. Where a flight leaves the range of those that were
+fitted (airspeed, climb, load factor, rotor speed), a finding says for how long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from rotorid.checking.predictions import (
+    NOTHING_FITTED,
+    Predictions,
+    Simulation,
+    Trial,
+    fixed_score,
+    plain_scores,
+    predict_each,
+    refuse_choices_of_responses,
+)
+from rotorid.data.axes import ATTITUDE, RATES
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
+from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.fitting.flight.fit import FlightRange
+from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
+from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
+from rotorid.flights.flight_data import FlightMotion, flight_data
+from rotorid.flights.flights import Flight
+from rotorid.flights.motor_data import MotorFlight, rotors_of
+from rotorid.flights.motor_stamps import motor_skew
+from rotorid.flights.selection import Selection, require_reached
+from rotorid.frames import euler_from_quaternion
+from rotorid.models.families import FLIGHT
+from rotorid.models.flight import Airframe
+from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.models.rotors import RotorLayout
+from rotorid.results.model import IdentifiedModel, Verifications
+from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
+from rotorid.settings.motors import MotorSettings
+from rotorid.settings.verifying import VerifySettings
+from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES
+from rotorid.typing import FloatArray
+from rotorid.verification.fixed_parameters import FixedParameterScores
+from rotorid.verification.flight import (
+    INERTIAS,
+    USUAL_OUTSIDE_PERCENT,
+    FlightJudgement,
+    FlightLoads,
+    differences,
+    flight_loads_of,
+    load_errors,
+    outside_range,
+    percents,
+)
+from rotorid.verification.multistep import (
+    FlightState,
+    StepErrors,
+    measured_states,
+    pieces,
+    slower,
+    step_errors,
+    stride,
+    to_body,
+)
+from rotorid.verification.scores import GOOD_TIC, nrmse_fit_percent, rms, theil_inequality
+from rotorid.verification.verification import Scores, Verification
+
+_PIECE_S = 2.0
+"""Length of the pieces in which a log is flown, unless the user chose one."""
+
+_AHEAD_S = 0.5
+_AHEAD_STEP_S = 0.01
+_FLY_STEP_S = 0.02
+
+_MOVED_M_S2 = 0.5
+"""Standard deviation of a slow specific force from which a flight judges what the model makes of it."""
+
+
+class _Stretch(NamedTuple):
+    """A stretch with what was found of it: motion that drives the model, loads, and wind."""
+
+    flight: MotorFlight
+    driven: Motion
+    loads: FlightLoads
+    wind: FloatArray | None
+    skew_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightPredictor(Immutable):
+    """A vehicle with its air, for predictions of a flight.
+
+    Parameters
+    ----------
+    parameters
+        Their values count.
+    airframe
+        Rotors, mass, discs and air.
+    layout
+        The rotors by their name.
+    kind
+        What the motors are known by: ``output``, ``thrust_demand`` or ``speed``.
+    velocity
+        How the velocity was had in the fit.
+    tested
+        What the fitted flights covered; ``None`` where that is not known.
+    bands_hz
+        Rate to the band in which the motors explain it: there its acceleration judges the model.
+    cutoff_hz
+        Of the low-pass that stands for an unknown filter of the accelerometer.
+    reference_v
+        Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
+    choices
+        How the fitted logs were read; ``None`` where that is not known.
+    """
+
+    about_trim: ClassVar[bool] = False
+    needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and ten seconds in the air"
+
+    parameters: ParameterSet
+    airframe: Airframe
+    layout: RotorLayout
+    kind: str
+    velocity: VelocityClass
+    tested: FlightRange | None = None
+    bands_hz: Mapping[str, tuple[float, float]]
+    cutoff_hz: float | None = None
+    reference_v: float | None = None
+    choices: MotorSettings | None = None
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the motors."""
+        return tuple(f"motor_{number + 1}" for number in range(self.layout.rotors))
+
+    def predict(
+        self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
+    ) -> Predictions:
+        """Force and moment of each log, see :class:`rotorid.checking.predictions.Predictor`."""
+        refuse_choices_of_responses(FLIGHT.name, settings)
+
+        def predict(record: FlightRecord) -> Predictions:
+            data = self.data(record, settings.segments)
+            stretches = self._stretches(record, data)
+            checks = [self._verification(stretch) for stretch in stretches]
+            said = [found for pair in zip(stretches, checks, strict=True) for found in _remarks(*pair)]
+            return Predictions(
+                found=Verifications(maneuvers=tuple(checks), findings=(*data.findings, *said)),
+                flights=tuple(Flight(record, stretch.flight.maneuver) for stretch in stretches),
+            )
+
+        return predict_each(records, settings, fitted, predict)
+
+    def trials(self, record: FlightRecord, settings: IdentifySettings) -> list[Trial]:
+        """Stretches in the air; their scores know neither horizon nor band."""
+        require_reached(record, settings.segments)
+        return [
+            Trial(
+                Flight(record, replace(stretch.flight.maneuver, start_s=stretch.flight.record.start_s)),
+                fixed_score(_compared(self._verification(stretch))),
+            )
+            for stretch in self._stretches(record, self.data(record, settings.segments))
+        ]
+
+    def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
+        """Attitude, velocity and rates by the motors alone, begun anew at the measured state every two seconds."""
+        data = self.data(record, settings.segments)
+        length_s = settings.pieces_s or _PIECE_S
+        simulated, said = [], [*data.findings]
+        for stretch in self._stretches(record, data):
+            said += _beyond(stretch.flight, self._outside(stretch))
+            simulated.append(self._simulation(stretch, length_s))
+        message = (
+            f"The motors alone fly the vehicle through the log, restarted at the measured state every {length_s:.2g} s."
+        )
+        return simulated, [*said, remark("flown_in_pieces", FLIGHT.name, message, length_s=length_s)]
+
+    def data(self, record: FlightRecord, segments: Sequence[Maneuver]) -> FlightMotion:
+        """A log as for a fit.
+
+        Raises
+        ------
+        InsufficientDataError
+            It has no motors or no motion, is of another vehicle, or has motors of another kind.
+        """
+        choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
+        needed, name = "a log of the identified vehicle", record.source.name
+        try:
+            of_log = rotors_of([record], choices)
+        except (InsufficientDataError, UsageError, ModelError):
+            # A result names its rotors; next to the logs of a fit, a log has to name its own.
+            if self.choices is not None:
+                raise
+            of_log = self.layout
+        if not np.array_equal(of_log.spins, self.layout.spins):
+            raise InsufficientDataError(
+                f"{name} is from {of_log.name}, but the result from {self.layout.name}", needed=needed
+            )
+        try:
+            data = flight_data([record], choices, reference_v=self.reference_v, layout=self.layout)
+        except UsageError as error:
+            raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
+        if data.kind != self.kind:
+            raise InsufficientDataError(
+                f"{name} logs motors as {data.kind.replace('_', ' ')}",
+                needed=f"a log of motors as {self.kind.replace('_', ' ')}, like those of the result",
+            )
+        return data
+
+    def _stretches(self, record: FlightRecord, data: FlightMotion) -> list[_Stretch]:
+        found = []
+        for flight in data.motors.stretches:
+            skew_s = self._skew_s(record, flight)
+            found.append(self.judged(flight, skew_s=skew_s, wind=None))
+        return found
+
+    def _skew_s(self, record: FlightRecord, flight: MotorFlight) -> float:
+        """How much earlier the motors are stamped than the motion; zero where the flight does not show it."""
+        if self.kind != "speed":
+            return 0.0
+        try:
+            span = ((flight.record.start_s, float(flight.record.time_s[-1])),)
+            return motor_skew(record, self.layout, intervals=span).late_s.value
+        except InsufficientDataError as error:
+            if any(finding.kind == "motor_stamps" for finding in error.findings):
+                raise
+            return 0.0
+
+    def judged(self, flight: MotorFlight, *, skew_s: float, wind: FloatArray | None) -> _Stretch:
+        """A stretch with the loads that the model makes of it."""
+        values = self.parameters.values
+        driven = motion(
+            flight.record,
+            kind=self._velocity(flight.record),
+            wind=wind,
+            lag_s=values.get("T_motor", 0.0),
+            skew_s=skew_s,
+        )
+        loads = flight_loads_of(values, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
+        return _Stretch(flight, driven, loads, wind, skew_s)
+
+    def _velocity(self, record: MotorRecord) -> VelocityClass:
+        """How the velocity of a log is had: as in the fit, or as well as this log allows."""
+        order: tuple[VelocityClass, ...] = ("measured", "attitude", "none")
+        has = [bool(record.velocity.size), bool(record.attitude.size), True]
+        return next(kind for kind in order[order.index(self.velocity) :] if has[order.index(kind)])
+
+    def _outside(self, stretch: _Stretch) -> tuple[float | None, dict[str, float]]:
+        if self.tested is None:
+            return None, {}
+        return percents([outside_range(self.tested, stretch.flight.record, stretch.driven)])
+
+    def _verification(self, stretch: _Stretch) -> Verification:
+        record = stretch.flight.record
+        rows = {**self._forces(stretch), **self._accelerations(stretch)}
+        outside_percent, outside = self._outside(stretch)
+        moved = tuple(
+            name for name, (measured, _) in rows.items() if name not in ACCELERATIONS or measured.std() >= _MOVED_M_S2
+        )
+        return Verification(
+            record=record.name,
+            maneuver=replace(stretch.flight.maneuver, start_s=record.start_s, stop_s=float(record.time_s[-1])),
+            time_s=record.time_s,
+            inputs=record.outputs - record.outputs.mean(axis=1, keepdims=True),
+            measured=np.stack([measured for measured, _ in rows.values()]),
+            predicted=np.stack([modeled for _, modeled in rows.values()]),
+            input_names=self.inputs,
+            output_names=tuple(rows),
+            scores={name: _scores(*rows[name]) for name in rows},
+            moved=moved or ("az",),
+            flight=FlightJudgement(
+                samples=record.samples,
+                errors=load_errors(*differences([stretch.loads])),
+                outside_percent=outside_percent,
+                outside=outside,
+                ahead=self._ahead(stretch),
+                wind=None if stretch.wind is None else (float(stretch.wind[0]), float(stretch.wind[1])),
+                skew_s=stretch.skew_s,
+            ),
+        )
+
+    def _forces(self, stretch: _Stretch) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Slow specific force along each axis, measured and modeled."""
+        rate_hz, mass = stretch.flight.record.sample_rate_hz, self.airframe.mass_kg
+        measured, modeled = (
+            in_band(rows / mass, SLOW_BAND_HZ, rate_hz)
+            for rows in (stretch.loads.measured_force, stretch.loads.modeled_force)
+        )
+        return {name: (measured[row], modeled[row]) for row, name in enumerate(ACCELERATIONS)}
+
+    def _accelerations(self, stretch: _Stretch) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Angular acceleration in the bands in which the motors explain it, measured and modeled."""
+        rate_hz, values, found = stretch.flight.record.sample_rate_hz, self.parameters.values, {}
+        for row, axis in enumerate(stretch.loads.axes):
+            if axis in self.bands_hz:
+                both = (stretch.loads.measured_moment[row], stretch.loads.modeled_moment[row])
+                measured, modeled = (
+                    in_band(moment / values[INERTIAS[axis]], self.bands_hz[axis], rate_hz) for moment in both
+                )
+                found[f"{axis}_dot"] = (measured, modeled)
+        return found
+
+    def _ahead(self, stretch: _Stretch) -> StepErrors | None:
+        """Predictions over half a second, where the log has states and the model an inertia."""
+        record = stretch.flight.record
+        if not record.velocity.size or not record.attitude.size or not stretch.loads.axes:
+            return None
+        step_s = 1.0 / record.sample_rate_hz
+        if record.duration_s < 2.0 * _AHEAD_S:
+            return None
+        states, speeds = slower(_states(stretch), stretch.driven.speeds, step_s=step_s, least_s=_AHEAD_STEP_S)
+        step_s *= stride(step_s, _AHEAD_STEP_S)
+        return step_errors(
+            self.parameters.values,
+            self.airframe,
+            states,
+            speeds,
+            step_s=step_s,
+            steps=round(_AHEAD_S / step_s),
+            wind=stretch.wind,
+        )
+
+    def _simulation(self, stretch: _Stretch, length_s: float) -> Simulation:
+        record = stretch.flight.record
+        if not record.attitude.size:
+            raise InsufficientDataError(
+                f"{record.name} has no attitude", needed="roll, pitch and heading, in which a flight begins"
+            )
+        step_s = 1.0 / record.sample_rate_hz
+        every = stride(step_s, _FLY_STEP_S)
+        states, speeds = slower(_states(stretch), stretch.driven.speeds, step_s=step_s, least_s=_FLY_STEP_S)
+        time_s = record.time_s[::every]
+        count = max(1, round((time_s[-1] - time_s[0]) / length_s))
+        starts = tuple(int(edge) for edge in np.linspace(0, time_s.size, count + 1).round()[:-1])
+
+        def outputs_at(values: Mapping[str, float]) -> FloatArray:
+            own = {name: values[name] for name in self.parameters.names if name in values}
+            flown = pieces(
+                self.parameters.with_values(own).values,
+                self.airframe,
+                states,
+                speeds,
+                step_s=every * step_s,
+                starts=starts,
+                wind=stretch.wind,
+            )
+            return _outputs(flown)
+
+        measured = _outputs(states)
+        if not record.velocity.size:
+            measured[len(ATTITUDE) : len(ATTITUDE) + len(VELOCITIES)] = np.nan
+        return Simulation(
+            record=record.name,
+            maneuver=stretch.flight.maneuver,
+            time_s=time_s,
+            inputs=record.outputs[:, ::every],
+            measured=measured,
+            input_names=self.inputs,
+            output_names=(*ATTITUDE, *VELOCITIES, *RATES),
+            outputs_at=outputs_at,
+            starts=starts,
+            held=record.between == "held",
+        )
+
+
+def _states(stretch: _Stretch) -> FlightState:
+    """States of a stretch; the velocity is that which drives the model where none was logged."""
+    record = stretch.flight.record
+    velocity = record.velocity if record.velocity.size else stretch.driven.velocity
+    return measured_states(record.attitude, velocity, record.rates, step_s=1.0 / record.sample_rate_hz)
+
+
+def _outputs(states: FlightState) -> FloatArray:
+    """Roll, pitch, heading, velocity in body axes and rates, shape ``(9, n)``."""
+    angles = euler_from_quaternion(states.attitude)
+    angles[2] = np.unwrap(angles[2])
+    return np.concatenate([angles, to_body(states.attitude, states.velocity), states.rates])
+
+
+def _scores(measured: FloatArray, modeled: FloatArray) -> Scores:
+    mean = measured.mean()
+    return Scores(
+        nrmse_fit_percent=nrmse_fit_percent(measured, modeled),
+        tic=theil_inequality(measured - mean, modeled - mean),
+        rms=rms(measured - modeled),
+        bias=0.0,
+        reference_shift=0.0,
+    )
+
+
+def _compared(check: Verification) -> FixedParameterScores:
+    """A verification for a comparison: the channels that moved, about their means."""
+    rows = [check.output_names.index(name) for name in check.moved]
+    mean = check.measured[rows].mean(axis=1, keepdims=True)
+    return FixedParameterScores(
+        record=check.record,
+        horizon_s=float("inf"),
+        scores=plain_scores({name: check.scores[name] for name in check.moved}),
+        time_s=check.time_s - check.time_s[0],
+        measured=check.measured[rows] - mean,
+        predicted=check.predicted[rows] - mean,
+    )
+
+
+def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
+    """Findings on a stretch: it leaves the identified range, or an axis is predicted poorly."""
+    where = f"{check.record} at {stretch.flight.record.start_s:.1f} s"
+    judged = check.flight
+    beyond = _beyond(stretch.flight, (judged.outside_percent, dict(judged.outside))) if judged else []
+    return [
+        *beyond,
+        *(
+            warn(
+                "poor_verification",
+                f"{where}: {name}",
+                f"{name} of {where} is predicted with a Theil coefficient of {check.scores[name].tic:.2f}.",
+                tic=check.scores[name].tic,
+                nrmse_fit_percent=check.scores[name].nrmse_fit_percent,
+            )
+            for name in check.moved
+            if check.scores[name].tic > GOOD_TIC
+        ),
+    ]
+
+
+_RANGES = {"airspeed": "airspeed", "climb": "climb rate", "load": "load factor", "motors": "rotor speed"}
+
+
+def _beyond(flight: MotorFlight, outside: tuple[float | None, dict[str, float]]) -> list[Finding]:
+    """A warning where a flight spends longer outside of the identified range than those that were fitted."""
+    share, each = outside
+    if share is None or share <= USUAL_OUTSIDE_PERCENT:
+        return []
+    where = f"{flight.record.name} at {flight.record.start_s:.1f} s"
+    named = ", ".join(
+        f"{_RANGES[name]} {percent:.0f} %"
+        for name, percent in sorted(each.items(), key=lambda item: -item[1])
+        if percent >= 1.0
+    )
+    message = (
+        f"{where} is outside of the identified range for {share:.0f} % of the time ({named}). There the model "
+        "extrapolates: identify it on such a flight too."
+    )
+    return [warn("beyond_range", where, message, outside_percent=share, **each)]
+
+
+def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
+    """The vehicle of a ``result.json`` of ``physical.flight``.
+
+    Parameters
+    ----------
+    table
+        With its ``parameters``, its ``motors`` and its ``flight``.
+
+    Raises
+    ------
+    UsageError
+        Something of it is missing or is no number.
+    """
+    try:
+        motors, air = table["motors"], table["flight"]
+        layout = RotorLayout(
+            name=str(motors["layout"]),
+            positions=np.array(motors["rotors"], dtype=np.float64),
+            spins=np.array(motors["spins"], dtype=np.float64),
+            arm_known=motors["arm_m"] is not None,
+        )
+        parameters = ParameterSet(
+            [
+                Parameter(name=name, value=float(entry["value"]), unit=str(entry["unit"]), status="fixed")
+                for name, entry in table["parameters"].items()
+                if entry["status"] != "dropped"
+            ]
+        )
+        limits = air["limits"]
+        return FlightPredictor(
+            parameters=parameters,
+            airframe=Airframe(
+                positions=layout.positions,
+                spins=layout.spins,
+                mass_kg=parameters.values.get("m", 1.0),
+                disc_m2=float(air["disc_m2"]),
+                density_kg_m3=float(air["density_kg_m3"]),
+            ),
+            layout=layout,
+            kind=str(motors["outputs"]),
+            velocity=air["velocity"],
+            tested=FlightRange(
+                *(_span(limits[name]) for name in ("edge_m_s", "climb_m_s", "motors", "load")),
+            ),
+            bands_hz=torque_bands(
+                (str(octave["axis"]), float(octave["low_hz"]), float(octave["high_hz"]))
+                for octave in air.get("octaves") or ()
+                if octave["fitted"]
+            ),
+            cutoff_hz=air.get("cutoff_hz"),
+            reference_v=motors.get("reference_v"),
+        )
+    except (LookupError, TypeError, ValueError, ModelError) as error:
+        raise UsageError(
+            f"the flight result is inconsistent: {error}", needed="result.json as written by identify"
+        ) from error
+
+
+def _span(pair: Sequence[float]) -> tuple[float, float]:
+    low, high = pair
+    return float(low), float(high)
+
+
+def torque_bands(octaves: Iterable[tuple[str, float, float]]) -> dict[str, tuple[float, float]]:
+    """Rate to the band of the octaves (rate, low, high in Hz) in which its torque was fitted.
+
+    Examples
+    --------
+    >>> torque_bands([("p", 2.0, 4.0), ("p", 4.0, 8.0), ("r", 2.0, 4.0)])
+    {'p': (2.0, 8.0), 'r': (2.0, 4.0)}
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for axis, low, high in octaves:
+        least, most = found.get(axis, (low, high))
+        found[axis] = (min(least, low), max(most, high))
+    return found
+
+
+def identified_flight(model: IdentifiedModel) -> FlightPredictor | None:
+    """The vehicle of an identified model; ``None`` for one that is not of ``physical.flight``."""
+    if model.motors is None or model.flight is None:
+        return None
+    parameters = {name: asdict(estimate) for name, estimate in model.parameters.items()}
+    return known_flight({"parameters": parameters, "motors": asdict(model.motors), "flight": asdict(model.flight)})
