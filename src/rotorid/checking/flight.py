@@ -34,7 +34,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.flight.fit import FlightRange
-from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
+from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flights import Flight
@@ -119,8 +119,12 @@ class FlightPredictor(Immutable):
         What the fitted flights covered; ``None`` where that is not known.
     bands_hz
         Rate to the band in which the motors explain it: there its acceleration judges the model.
+    aligned
+        Whether the fit took out the skew between the clocks of motors and gyro.
     cutoff_hz
         Of the low-pass that stands for an unknown filter of the accelerometer.
+    scaled
+        Whether the mass is known; without it there are no newtons.
     reference_v
         Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
     choices
@@ -137,7 +141,9 @@ class FlightPredictor(Immutable):
     velocity: VelocityClass
     tested: FlightRange | None = None
     bands_hz: Mapping[str, tuple[float, float]]
+    aligned: bool = False
     cutoff_hz: float | None = None
+    scaled: bool = True
     reference_v: float | None = None
     choices: MotorSettings | None = None
 
@@ -229,7 +235,7 @@ class FlightPredictor(Immutable):
 
     def _skew_s(self, record: FlightRecord, flight: MotorFlight) -> float:
         """How much earlier the motors are stamped than the motion; zero where the flight does not show it."""
-        if self.kind != "speed":
+        if not self.aligned or self.kind != "speed":
             return 0.0
         try:
             span = ((flight.record.start_s, float(flight.record.time_s[-1])),)
@@ -242,13 +248,7 @@ class FlightPredictor(Immutable):
     def judged(self, flight: MotorFlight, *, skew_s: float, wind: FloatArray | None) -> _Stretch:
         """A stretch with the loads that the model makes of it."""
         values = self.parameters.values
-        driven = motion(
-            flight.record,
-            kind=self._velocity(flight.record),
-            wind=wind,
-            lag_s=values.get("T_motor", 0.0),
-            skew_s=skew_s,
-        )
+        driven = motion(flight.record, values, kind=self._velocity(flight.record), wind=wind, skew_s=skew_s)
         loads = flight_loads_of(values, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
         return _Stretch(flight, driven, loads, wind, skew_s)
 
@@ -283,12 +283,12 @@ class FlightPredictor(Immutable):
             moved=moved or ("az",),
             flight=FlightJudgement(
                 samples=record.samples,
-                errors=load_errors(*differences([stretch.loads])),
+                errors=load_errors(*(differences([stretch.loads]) if self.scaled else ({}, {}))),
                 outside_percent=outside_percent,
                 outside=outside,
                 ahead=self._ahead(stretch),
                 wind=None if stretch.wind is None else (float(stretch.wind[0]), float(stretch.wind[1])),
-                skew_s=stretch.skew_s,
+                skew_s=stretch.skew_s if self.aligned else None,
             ),
         )
 
@@ -339,17 +339,22 @@ class FlightPredictor(Immutable):
             raise InsufficientDataError(
                 f"{record.name} has no attitude", needed="roll, pitch and heading, in which a flight begins"
             )
+        if not stretch.loads.axes:
+            raise InsufficientDataError("none of its inertias was identified", needed="motion in roll, pitch or yaw")
         step_s = 1.0 / record.sample_rate_hz
         every = stride(step_s, _FLY_STEP_S)
-        states, speeds = slower(_states(stretch), stretch.driven.speeds, step_s=step_s, least_s=_FLY_STEP_S)
+        logged = _states(stretch)
+        states, _ = slower(logged, stretch.driven.speeds, step_s=step_s, least_s=_FLY_STEP_S)
         time_s = record.time_s[::every]
         count = max(1, round((time_s[-1] - time_s[0]) / length_s))
         starts = tuple(int(edge) for edge in np.linspace(0, time_s.size, count + 1).round()[:-1])
 
         def outputs_at(values: Mapping[str, float]) -> FloatArray:
-            own = {name: values[name] for name in self.parameters.names if name in values}
+            known = {name: values.get(name, value) for name, value in self.parameters.values.items()}
+            turning = rotor_speeds(record, known, skew_s=stretch.skew_s)
+            _, speeds = slower(logged, turning, step_s=step_s, least_s=_FLY_STEP_S)
             flown = pieces(
-                self.parameters.with_values(own).values,
+                known,
                 self.airframe,
                 states,
                 speeds,
@@ -506,7 +511,9 @@ def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
                 for octave in air.get("octaves") or ()
                 if octave["fitted"]
             ),
+            aligned=any(log["skew_s"] for log in air.get("logs") or ()),
             cutoff_hz=air.get("cutoff_hz"),
+            scaled=motors["scale"] is not None,
             reference_v=motors.get("reference_v"),
         )
     except (LookupError, TypeError, ValueError, ModelError) as error:

@@ -47,6 +47,7 @@ from rotorid.settings.motors import MotorSettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores
+from rotorid.verification.flight import BODY, INERTIAS, FlightJudgement, load_errors, percents
 from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Verification
 
@@ -70,6 +71,10 @@ class MotorPredictor(Immutable):
         Equations that were identified.
     reference_v
         Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
+    scaled
+        Whether the mass is known; without it there are no newtons.
+    tested
+        Least and largest output of the fitted flights; ``None`` where that is not known.
     choices
         How the fitted logs were read; ``None`` where that is not known.
     """
@@ -82,6 +87,8 @@ class MotorPredictor(Immutable):
     kind: str
     axes: tuple[str, ...]
     reference_v: float | None = None
+    scaled: bool = False
+    tested: tuple[float, float] | None = None
     choices: MotorSettings | None = None
 
     @property
@@ -100,7 +107,7 @@ class MotorPredictor(Immutable):
             moved = self.motions(data, self.parameters)
             return Predictions(
                 found=Verifications(
-                    maneuvers=tuple(_verification(motion, self.inputs) for motion in moved if motion.counted),
+                    maneuvers=tuple(self._verification(motion) for motion in moved if motion.counted),
                     findings=(*data.findings, *(finding for motion in moved for finding in _remarks(motion))),
                 ),
                 flights=tuple(Flight(record, motion.flight.maneuver) for motion in moved if motion.counted),
@@ -195,6 +202,35 @@ class MotorPredictor(Immutable):
             )
         return data
 
+    def _verification(self, moved: Motion) -> Verification:
+        return replace(_verification(moved, self.inputs), flight=self._judged(moved))
+
+    def _judged(self, moved: Motion) -> FlightJudgement:
+        """Errors in N and N m where the mass is known, and the time at outputs that no fitted flight had."""
+        values = self.parameters.values if self.scaled else {}
+        sizes = {"az": values.get("m"), **{f"{axis}_dot": values.get(name) for axis, name in INERTIAS.items()}}
+        missed = {
+            name: size * (measured - modeled)
+            for name, (measured, modeled) in moved.rows.items()
+            if (size := sizes[name]) is not None
+        }
+        outside_percent: float | None = None
+        outside: dict[str, float] = {}
+        if self.tested is not None:
+            outputs = moved.flight.record.outputs
+            beyond = (outputs < self.tested[0]) | (outputs > self.tested[1])
+            outside_percent, outside = percents([{"motors": np.asarray(beyond.any(axis=0))}])
+        turned = dict(zip((f"{axis}_dot" for axis in INERTIAS), BODY, strict=True))
+        return FlightJudgement(
+            samples=next(iter(moved.rows.values()))[0].size,
+            errors=load_errors(
+                {"z": missed["az"]} if "az" in missed else {},
+                {turned[name]: row for name, row in missed.items() if name in turned},
+            ),
+            outside_percent=outside_percent,
+            outside=outside,
+        )
+
     def motions(self, data: MotorData, parameters: ParameterSet) -> tuple[Motion, ...]:
         """Stretches of a log as measured and as the motors make them, at some values of the parameters."""
         problem = MotorProblem(records=data.records, levers=levers_of(data), parameters=parameters, axes=self.axes)
@@ -234,6 +270,8 @@ def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
             kind=str(motors["outputs"]),
             axes=(*(() if "az" in counted else ("weight",)), *(axis for axis in _AXES if axis in counted)),
             reference_v=motors.get("reference_v"),
+            scaled=motors.get("scale") is not None,
+            tested=tuple(motors["flown_outputs"]) if motors.get("flown_outputs") else None,
         )
     except (LookupError, TypeError, ValueError, ModelError) as error:
         raise UsageError(

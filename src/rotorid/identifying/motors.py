@@ -68,6 +68,8 @@ class Motors:
             kind=data.kind,
             axes=problem.axes,
             reference_v=data.reference_v,
+            scaled=scale_of(self.settings.known, fitted.axes) is not None,
+            tested=_flown_outputs(data),
             choices=self.settings,
         )
         return predictor.predict(records, VerifySettings(), Selection(fitted=data.flights, unseen=())).found
@@ -159,10 +161,15 @@ def straightening_of(flights: Sequence[Flight]) -> Straightening | None:
     return Straightening(expo=known.expo, low=known.low, high=known.high, hover_share=float(together.mean()))
 
 
+def _flown_outputs(data: MotorData) -> tuple[float, float]:
+    """Range of the outputs but for one percent at each end."""
+    low, high = np.percentile(np.concatenate([record.outputs.ravel() for record in data.records]), (1.0, 99.0))
+    return float(low), float(high)
+
+
 def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
     data = fitted.data
     counted = [[axis for axis in filters if axis != "weight"] for filters in fitted.fit.problem.filters]
-    low, high = np.percentile(np.concatenate([record.outputs.ravel() for record in data.records]), (1.0, 99.0))
     return MotorPhysics(
         layout=data.layout.name,
         arm_m=data.layout.arm if data.layout.arm_known else None,
@@ -176,7 +183,7 @@ def _physics(fitted: FittedMotors, known: Mapping[str, float]) -> MotorPhysics:
         reference_v=data.reference_v,
         hover_output=fitted.hover_output,
         load_factor=fitted.load_factor,
-        flown_outputs=(float(low), float(high)),
+        flown_outputs=_flown_outputs(data),
         scale=scale_of(known, fitted.axes),
         straightening=straightening_of(data.flights),
         derived=dict(fitted.derived),

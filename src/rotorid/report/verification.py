@@ -6,6 +6,7 @@ are shown as Bode plots with the model over them and the cost of each response.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +22,7 @@ from rotorid.report.frame import Picture, drawn, in_all_units, render
 from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
 from rotorid.report.words import maneuver_verdict, prediction_verdict, unseen_sentences
 from rotorid.results.model import FrequencyCheck, Verifications
+from rotorid.results.summary import AxisLoads, FlightScores
 from rotorid.results.verdicts import Verdict, cost_verdict
 from rotorid.verification.closed_loop import ClosedLoop
 from rotorid.verification.scores import JRMS_GUIDELINE
@@ -322,7 +324,59 @@ def verification_summary(document: VerifyDocument) -> tuple[str, ...]:
             f"{document.model} predicts unseen sweeps {_COST_WORDS[cost_verdict(costs[worst]).level]}: cost "
             f"{significant(costs[worst])}{several} in {worst} (up to 50 is very good, up to 100 acceptable)."
         )
+    if document.flight is not None:
+        sentences += flight_sentences(document.flight)
     return tuple(sentences) or (f"Not enough data to verify {document.model}.",)
+
+
+def flight_sentences(scores: FlightScores) -> list[str]:
+    """Errors of force and moment, the time outside of the identified range, and what the motors alone predict."""
+    wrong = [
+        f"{what} by {significant(factor * value, digits=2)} {unit}"
+        for what, value, factor, unit in (
+            ("force", scores.force_rms_n, 1.0, "N"),
+            ("moment", scores.moment_rms_nm, 1e3, "mN·m"),
+        )
+        if value is not None
+    ]
+    sentences = []
+    if wrong:
+        by_axis = ", ".join(
+            f"{axis} {' and '.join(part for part in (_newtons(loads), _millinewton_meters(loads)) if part)}"
+            for axis, loads in scores.axes.items()
+            if loads.force_rms_n is not None or loads.moment_rms_nm is not None
+        )
+        sentences.append(f"The model misses {' and '.join(wrong)} (root mean square of the vector; {by_axis}).")
+    if scores.outside_percent is not None:
+        sentences.append(f"{scores.outside_percent:.0f} % of the time is outside of the identified range.")
+    if scores.ahead is not None:
+        last = {name: errors[-1] for name, errors in scores.ahead.errors.items()}
+        parts = ", ".join(
+            f"{name} {significant(factor * last[name].model, digits=2)} "
+            f"({significant(factor * last[name].naive, digits=2)}) {unit}"
+            for name, factor, unit in _AHEAD
+        )
+        sentences.append(
+            f"After {scores.ahead.horizon_s:.2g} s by the motors alone, mean errors are {parts}; in parentheses those "
+            "of a state that is kept."
+        )
+    return sentences
+
+
+_AHEAD = (
+    ("position", 1.0, "m"),
+    ("velocity", 1.0, "m/s"),
+    ("attitude", 180.0 / math.pi, "°"),
+    ("rates", 180.0 / math.pi, "°/s"),
+)
+
+
+def _newtons(loads: AxisLoads) -> str:
+    return "" if loads.force_rms_n is None else f"{significant(loads.force_rms_n, digits=2)} N"
+
+
+def _millinewton_meters(loads: AxisLoads) -> str:
+    return "" if loads.moment_rms_nm is None else f"{significant(1e3 * loads.moment_rms_nm, digits=2)} mN·m"
 
 
 _COST_WORDS = {"good": "very well", "fair": "acceptably", "poor": "poorly"}

@@ -151,7 +151,8 @@ class LoadErrors(NamedTuple):
     axes: Mapping[str, AxisError]
 
 
-_BODY = ("x", "y", "z")
+BODY = ("x", "y", "z")
+"""Names of the axes of force and moment."""
 
 
 def load_errors(force: Mapping[str, FloatArray], moment: Mapping[str, FloatArray]) -> LoadErrors:
@@ -173,7 +174,7 @@ def load_errors(force: Mapping[str, FloatArray], moment: Mapping[str, FloatArray
     return LoadErrors(
         force_rms_n=whole[0],
         moment_rms_nm=whole[1],
-        axes={axis: AxisError(forces.get(axis), moments.get(axis)) for axis in _BODY},
+        axes={axis: AxisError(forces.get(axis), moments.get(axis)) for axis in BODY},
     )
 
 
@@ -181,8 +182,8 @@ def differences(parts: list[FlightLoads]) -> tuple[dict[str, FloatArray], dict[s
     """Errors of force and moment of several stretches, one after another, axis to row."""
     force = np.concatenate([part.measured_force - part.modeled_force for part in parts], axis=1)
     moment = np.concatenate([part.measured_moment - part.modeled_moment for part in parts], axis=1)
-    turned = dict(zip(INERTIAS, _BODY, strict=True))
-    return dict(zip(_BODY, force, strict=True)), {
+    turned = dict(zip(INERTIAS, BODY, strict=True))
+    return dict(zip(BODY, force, strict=True)), {
         turned[axis]: row for axis, row in zip(parts[0].axes, moment, strict=True)
     }
 
@@ -288,7 +289,7 @@ def together(judged: Sequence[FlightJudgement]) -> FlightJudgement:
                     root([part.errors.axes[axis].force_rms_n for part in judged]),
                     root([part.errors.axes[axis].moment_rms_nm for part in judged]),
                 )
-                for axis in _BODY
+                for axis in BODY
             },
         ),
         outside_percent=mean([part.outside_percent for part in judged]),
