@@ -16,8 +16,6 @@ NO_LOGS = frozenset({"MANIFEST.md", "LICENSE", "LICENSE.txt", "LICENSE.pyulog.md
 """Licenses and answers beside the logs; scripts, mappings and layouts are known by their endings."""
 HOSTILE = "field/hostile/"
 """Logs, journals, projects and settings that are wrong on purpose: ``tests/hostile`` has their like."""
-CONVERTED = "flight/neurobem"
-"""Matrices whose variable has another name in every file; the folder's own script makes tables of them."""
 OTHER_HALVES = frozenset({"polimi/output.mat"})
 """Read together with the log that the mapping belongs to."""
 
@@ -57,6 +55,7 @@ MAPPED = {
     "field/b12_crazyswarm": "field/b12.toml",
     "flight/idsia": "idsia_nanodrone.toml",
     "flight/nanobench": "nanobench.toml",
+    "flight/neurobem": "neurobem.toml",
     "iris_sim": "gazebo_iris.toml",
     "polimi": "pitch_rig_two_files.toml",
 }
@@ -79,7 +78,7 @@ def logs_of(folder: Path) -> list[str]:
         if path.is_file() and path.name not in NO_LOGS and path.suffix not in (".py", ".toml"):
             whole = path.parent if path.parent.name == "zmr250" else path
             found.add(whole.relative_to(folder).as_posix())
-    return sorted(name for name in found - OTHER_HALVES - REFUSED if not name.startswith((HOSTILE, CONVERTED)))
+    return sorted(name for name in found - OTHER_HALVES - REFUSED if not name.startswith(HOSTILE))
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +104,7 @@ def test_every_log_reads(shared_data: Path, logs: list[str]) -> None:
 
 
 def test_nothing_is_named_that_does_not_exist(shared_data: Path, logs: list[str]) -> None:
-    missing = [name for name in (*MAPPED, *OTHER_HALVES, CONVERTED) if not list(shared_data.glob(f"{name}*"))]
+    missing = [name for name in (*MAPPED, *OTHER_HALVES) if not list(shared_data.glob(f"{name}*"))]
     assert missing == []
     used = {path.name for log in logs if (path := mapping_of(log, shared_data)) and path.parent == MAPPINGS}
     # These have no log in the folder; their own tests are with the documentation and with tables of other programs.

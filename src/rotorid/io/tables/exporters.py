@@ -53,6 +53,23 @@ EXPORTERS: Sequence[Exporter] = (
         holds=("gyro.x", "acc.z", "stabilizer.roll", "stateestimate.", "motor.m1", "pm.vbat"),
         remedy=f"add --map FILE.toml as {_PAGE}/crazyflie_client.toml",
     ),
+    Exporter(
+        words="NanoBench's",
+        begins=("t,px,py,pz,",),
+        holds=(",imu_gyro_x,", ",motor_motor_m1,"),
+        remedy=f"add --map FILE.toml as {_PAGE}/nanobench.toml, which names units and axes",
+    ),
+    Exporter(
+        words="IDSIA's nanodrone benchmark",
+        begins=("t,x,y,z,",),
+        holds=(",m1_erpm,", ",m1_thrust,", ",ros_timestamp"),
+        remedy=f"add --map FILE.toml as {_PAGE}/idsia_nanodrone.toml, which names units and axes",
+    ),
+    Exporter(
+        words="NeuroBEM's",
+        begins=("bemnn",),
+        remedy=f"add --map FILE.toml as {_PAGE}/neurobem.toml, which names columns, units and axes",
+    ),
     Exporter(words="Mission Planner's export of a .tlog", holds=(",mavlink_",), remedy="give the .tlog itself"),
     Exporter(
         words="Vicon's",

@@ -19,7 +19,16 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver,
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import euler_from_quaternion
 from rotorid.io.tables.exporters import foreign_remedy
-from rotorid.io.tables.mapping import ChannelMapping, Clock, MappedAttitude, MappedChannel, Segment, Series, nearest
+from rotorid.io.tables.mapping import (
+    ONLY_VARIABLE,
+    ChannelMapping,
+    Clock,
+    MappedAttitude,
+    MappedChannel,
+    Segment,
+    Series,
+    nearest,
+)
 from rotorid.io.tables.steps import describe_steps, processed
 from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import UNITS_AND_ALIASES, parse_unit
@@ -218,6 +227,8 @@ def _stamps(
 
 
 def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: str) -> FloatArray:
+    if series.source == ONLY_VARIABLE and len(arrays) == 1:
+        series = replace(series, source=next(iter(arrays)))
     if series.source not in arrays:
         close = nearest(series.source, arrays)
         raise UsageError(
@@ -334,7 +345,7 @@ def by_variables(names: Collection[str], file: str) -> ChannelMapping:
         raise LogError(
             f"{file} contains {available}",
             needed="one variable `time` (s) and variables with names such as pitch_command, q, az",
-            remedy="name its variables with a mapping: --map FILE.toml",
+            remedy=foreign_remedy(list(names)) or "name its variables with a mapping: --map FILE.toml",
         )
     return ChannelMapping(channels=channels, clock=Clock(time=Series(source=clocks[0])))
 
@@ -432,8 +443,9 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     """
     names = [_name_and_unit(cell) for cell in header]
     clock = _clock_column(names)
-    if clock is None:
-        raise _no_header(header, file)
+    # A table of a known program may call columns like channels and mean other axes.
+    if clock is None or foreign_remedy(header):
+        raise _no_header(header, file, named=clock is not None)
     channels: list[MappedChannel] = []
     findings: list[Finding] = []
     for place, (cell, (name, unit)) in enumerate(zip(header, names, strict=True)):
@@ -457,6 +469,23 @@ def by_header(header: Sequence[str], file: str) -> tuple[ChannelMapping, tuple[F
     return ChannelMapping(channels=tuple(channels), clock=Clock(time=Series(source=header[place], unit=unit))), tuple(
         findings
     )
+
+
+def columns_that_name_themselves(header: Sequence[str]) -> list[str]:
+    """The stamps and the channels among the columns ``name [unit]`` of a table.
+
+    Examples
+    --------
+    >>> columns_that_name_themselves(["t", "q [deg/s]", "note"])
+    ['t', 'q [deg/s]']
+    """
+    names = [_name_and_unit(cell) for cell in header]
+    clock = _clock_column(names)
+    return [
+        cell
+        for place, (cell, (name, _)) in enumerate(zip(header, names, strict=True))
+        if name in STANDARD_UNITS or (clock is not None and place == clock[0])
+    ]
 
 
 _SECONDS = ("time", "t", "__time", "time_s", "elapsed_time", "elapsed time")

@@ -26,6 +26,9 @@ from rotorid.units import parse_unit
 PLACEHOLDER = "{experiment}"
 """Stands in a source for the name of each experiment."""
 
+ONLY_VARIABLE = "*"
+"""Source that is the only variable of its file, whatever its name."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Series:
@@ -237,7 +240,7 @@ FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
 _STEPS = ("derivative", "low_pass_hz")
 _CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, *_PLACE_KEYS)
-_VECTOR_KEYS = ("sources", "source", "by", "unit", "scale", *_PLACE_KEYS)
+_VECTOR_KEYS = ("sources", "source", "by", "columns", "unit", "scale", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
 
@@ -621,15 +624,33 @@ def _parts(values: Mapping[str, Any], count: int, si: str, where: str) -> tuple[
             remedy=f"give {count} names as `sources`, or a matrix as `source`",
         )
     if "sources" in values:
-        if "by" in values:
-            raise UsageError(f"{where} has `by` and `sources`", needed="`by` for a matrix", remedy="remove it")
+        for key in ("by", "columns"):
+            if key in values:
+                raise UsageError(
+                    f"{where} has `{key}` and `sources`", needed=f"`{key}` for a matrix", remedy="remove it"
+                )
         return tuple(replace(common, source=source) for source in names(values, "sources", count, where))
     source = text(values, "source", where)
+    if "columns" in values:
+        return tuple(replace(common, source=source, column=place) for place in _columns(values, count, where))
     by_row = choice(values, "by", ("row", "column"), "row", where) == "row"
     return tuple(
         replace(common, source=source, row=place if by_row else None, column=None if by_row else place)
         for place in range(count)
     )
+
+
+def _columns(values: Mapping[str, Any], count: int, where: str) -> tuple[int, ...]:
+    """Places of the components of a vector in a matrix that holds more."""
+    value = values["columns"]
+    whole = isinstance(value, list) and all(type(place) is int and place >= 0 for place in value)
+    if not whole or len(set(value)) != count or len(value) != count or "by" in values:
+        raise UsageError(
+            f"{where} has `columns` = {value!r}" + (" and `by`" if "by" in values else ""),
+            needed=f"{count} different columns, counted from zero, and no `by`",
+            remedy=f"write columns = {list(range(count))}",
+        )
+    return tuple(value)
 
 
 def _own_time(values: Mapping[str, Any], where: str) -> Series | None:

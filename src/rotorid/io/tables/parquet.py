@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rotorid.data.record import STANDARD_UNITS, FlightRecord, Source
+from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io import sandbox as sandboxed
 from rotorid.io.files import UnpackLimits
 from rotorid.io.sandbox import Extract
-from rotorid.io.tables.mapped import assemble, of_columns, sources_of
+from rotorid.io.tables.mapped import assemble, columns_that_name_themselves, of_columns, sources_of
 from rotorid.io.tables.mapping import ChannelMapping
 from rotorid.typing import FloatArray
 
@@ -112,8 +112,7 @@ def _wanted(asked: Sequence[str], names: Sequence[str], file: str) -> list[str]:
     twins = [name for name, count in Counter(names).items() if count > 1]
     if twins:
         raise LogError(f"{file} has two columns {twins[0]!r}", needed="each name once", remedy="rename one of them")
-    known = [name for name in names if name.partition("[")[0].strip() in {"time", *STANDARD_UNITS}]
-    return [name for name in asked if name in names] if asked else known
+    return [name for name in asked if name in names] if asked else columns_that_name_themselves(names)
 
 
 def _check_size(table: ParquetFile, wanted: Sequence[int], size_bytes: int, file: str) -> None:

@@ -181,6 +181,8 @@ def test_the_mappings_of_known_programs_fit_their_tables(tmp_path: Path) -> None
         ("%time,field.header.seq,field.angular_velocity.x", "rostopic"),
         ("Timestamp,roll,pitch,rollRate,groundSpeed", "QGroundControl"),
         ("Timestamp,gyro.x,motor.m1", "Crazyflie client"),
+        ("t,px,py,pz,qx,imu_gyro_x,motor_motor_m1,motor_motor_m2", "nanobench.toml"),
+        ("t,x,y,z,qx,m1_thrust,m1_erpm,ax,ay,az", "idsia_nanodrone.toml"),
         ("Frame,Sub Frame,TX,TY", "Vicon"),
         ("12,FE,1c,1,1,mavlink_attitude_t,time_boot_ms,123,roll,0.1", "tlog"),
         ("CUSTOM.date [local],OSD.pitch", "DJI"),

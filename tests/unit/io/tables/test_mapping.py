@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -137,3 +138,19 @@ def test_a_missing_or_broken_file_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text("[channels\n")
     with pytest.raises(UsageError, match=r"map.toml is not valid TOML: .*line 1"):
         read_mapping(tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"columns": [4, 5]}, {"columns": [4, 4, 5]}, {"columns": [-1, 4, 5]}, {"columns": [4, 5, 6], "by": "row"}],
+    ids=["few", "twice", "negative", "by"],
+)
+def test_columns_of_a_vector_are_checked(wrong: dict[str, Any]) -> None:
+    document = {"clock": {"sample_rate_hz": 100.0}, "vectors": {"rates": {"source": "M", **wrong}}}
+    with pytest.raises(UsageError, match=r"columns = \[0, 1, 2\]"):
+        parse_mapping(document)
+
+
+def test_columns_pick_a_vector_out_of_a_wide_matrix() -> None:
+    document = {"clock": {"sample_rate_hz": 100.0}, "vectors": {"rates": {"source": "M", "columns": [4, 5, 6]}}}
+    assert [channel.samples.column for channel in parse_mapping(document).channels] == [4, 5, 6]

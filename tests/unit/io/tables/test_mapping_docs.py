@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+from rotorid.errors import LogError
 from rotorid.io.registry import read
 from rotorid.io.tables.mapping import ANGLES, BODY_VECTORS, EARTH_VECTORS, QUATERNION, parse_mapping, read_mapping
+from rotorid.models.rotors import layout_from_toml
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGE = (DOCS / "mapping.md").read_text(encoding="utf-8")
@@ -37,6 +40,27 @@ def test_every_vector_stands_on_the_page() -> None:
     listed = dict(re.findall(r"^\| `(\w+)` \| `([a-z_ ]+)` \| (?:`frame`|`world`|both)", PAGE, flags=re.MULTILINE))
     known = {**BODY_VECTORS, **EARTH_VECTORS, **ANGLES, QUATERNION: ANGLES["attitude"]}
     assert {name: tuple(channels.split()) for name, channels in listed.items()} == known
+
+
+@pytest.mark.parametrize("path", sorted((DOCS / "layouts").glob("*.toml")), ids=lambda path: path.name)
+def test_every_layout_is_understood(path: Path) -> None:
+    assert not layout_from_toml(path.read_text(encoding="utf-8"), where=path.name).uncontrollable
+
+
+def test_a_matrix_of_neurobem_is_turned_whatever_its_name(tmp_path: Path) -> None:
+    table = np.tile(np.arange(41.0), (300, 1))
+    table[:, 0] = np.arange(300) / 400.0
+    table[:, 7:11] = [0.0, 0.0, np.sin(0.5), np.cos(0.5)]
+    table[:, 28] = 162.0
+    savemat(tmp_path / "flight.mat", {"bemnn_of_this_flight": table})
+    record = read(tmp_path / "flight.mat", mapping=DOCS / "mappings" / "neurobem.toml", sandbox=False)
+    first = {name: float(record[name].values[0]) for name in record.channel_names}
+    assert [first[name] for name in ("p", "q", "r", "u", "v", "w")] == [4.0, -5.0, -6.0, 14.0, -15.0, -16.0]
+    assert [first[f"motor_speed_{motor}"] for motor in range(1, 5)] == [20.0, 21.0, 22.0, 23.0]
+    assert first["psi"] == pytest.approx(-1.0)
+    assert first["battery_voltage"] == pytest.approx(16.2)
+    with pytest.raises(LogError, match=r"neurobem\.toml"):
+        read(tmp_path / "flight.mat", sandbox=False)
 
 
 def test_motion_capture_is_turned(tmp_path: Path) -> None:

@@ -38,6 +38,19 @@ def test_the_columns_say_what_they_are(tmp_path: Path) -> None:
     assert [(finding.kind, finding.where) for finding in record.findings] == [("unknown_column", "note")]
 
 
+@pytest.mark.parametrize("clock", ["t", "Timestamp [s]", "elapsed_time"])
+def test_stamps_may_have_any_name_that_they_have_in_text(clock: str, tmp_path: Path) -> None:
+    record = read(tmp_path, {clock: TIME, "q [deg/s]": TIME})
+    np.testing.assert_array_equal(record.topics[0].time_s, TIME)
+
+
+def test_a_known_benchmark_is_asked_for_its_axes(tmp_path: Path) -> None:
+    """Its columns ax, ay and az are called like channels, and point elsewhere."""
+    columns = dict.fromkeys(("t", "x", "y", "z", "m1_erpm", "m2_erpm", "ax", "ay", "az"), TIME)
+    with pytest.raises(LogError, match=r"idsia_nanodrone\.toml"):
+        read(tmp_path, columns)
+
+
 def test_a_mapping_names_any_columns(tmp_path: Path) -> None:
     mapping = {"clock": {"time": {"source": "t.s"}}, "channels": {"q": {"source": "gyro.y", "scale": -1.0}}}
     record = read(tmp_path, {"gyro.y": TIME, "t.s": TIME, "gyro": TIME}, mapping)
