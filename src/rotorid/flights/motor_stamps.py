@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -52,6 +52,7 @@ from rotorid.models.rotors import RotorLayout
 from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import kinematic_consistency
 from rotorid.signal.motors import Kind
+from rotorid.signal.partial_lag import Lag, LagPart, lag_curve, together
 from rotorid.typing import FloatArray
 
 Culprit: TypeAlias = Literal["motors", "gyro", ""]
@@ -77,7 +78,6 @@ _UNKNOWN_FILTERS_S = 0.008
 _FEEDBACK_S = 0.006
 """What noise and gusts that come back through a controller move the peak by, where they are half of the motion."""
 
-_FINE_S = 5e-4
 _BLOCKS = round(2.0 / BLOCK_S)
 _STILL = 1e-6
 """Variance of the levers times the thrusts, in parts of the mean thrust, below which motors rest."""
@@ -220,8 +220,8 @@ def motor_skew(record: FlightRecord, layout: RotorLayout, *, intervals: Interval
     torques = [band.passed(levers @ band.thrust) for band in bands]
     if max(float(np.var(torque)) for torque in torques) < _STILL:
         raise motors_still(record, BAND_HZ)
-    curves = {axis: _curve(bands, torques, place) for place, axis in enumerate(_AXES)}
-    correlation = {axis: curve.peak()[1] for axis, curve in curves.items()}
+    lags = {axis: _lag(bands, torques, place) for place, axis in enumerate(_AXES)}
+    correlation = {axis: lag.correlation for axis, lag in lags.items()}
     if max(correlation.values()) < NO_RELATION:
         # Motors in another order have no relation to the axes either: that has a message of its own.
         require_order(rotor_order(record, layout, intervals=intervals), record.source.name)
@@ -229,9 +229,9 @@ def motor_skew(record: FlightRecord, layout: RotorLayout, *, intervals: Interval
     explained = [axis for axis in _AXES if correlation[axis] >= LEAST_CORRELATION]
     if not explained:
         raise motors_out_of_step(record, correlation, None)
-    by_axis = {axis: curves[axis].quantity() for axis in explained}
+    by_axis = {axis: _with_feedback(lags[axis]) for axis in explained}
     return MotorSkew(
-        late_s=_together(by_axis),
+        late_s=together(by_axis.values()),
         by_axis=by_axis,
         correlation=correlation,
         kind=history.kind,
@@ -259,63 +259,18 @@ def stamp_findings(record: FlightRecord) -> tuple[Finding, ...]:
         return ()
 
 
-class _Curve(NamedTuple):
-    """Sums over blocks of products of torque (at each lag), acceleration and rate, shape ``(blocks, lags)``."""
-
-    lags_s: FloatArray
-    torque_motion: FloatArray
-    torque_rate: FloatArray
-    torque_torque: FloatArray
-    motion_motion: FloatArray
-    motion_rate: FloatArray
-    rate_rate: FloatArray
-
-    def peak(self) -> tuple[float, float]:
-        """Lag and size of the largest partial correlation."""
-        found, correlation = self._peaks([rows.sum(axis=0, keepdims=True) for rows in self[1:]])
-        return float(found[0]), float(correlation[0])
-
-    def quantity(self) -> Quantity:
-        """The lag; its error is that of leaving out one block after another, and what feedback may make of it."""
-        found, _ = self._peaks([rows.sum(axis=0) - rows for rows in self[1:]])
-        lag_s, correlation = self.peak()
-        count = found.size
-        random_s = math.sqrt((count - 1) / count * float(np.sum((found - found.mean()) ** 2)))
-        return Quantity.normal(lag_s, math.hypot(random_s, _FEEDBACK_S * (correlation**-2.0 - 1.0)), "s")
-
-    def _peaks(self, sums: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        from scipy.interpolate import CubicSpline
-
-        xy, xw, xx, yy, yw, ww = sums
-        ww = np.maximum(ww, np.finfo(float).tiny)
-        power = np.sqrt(np.maximum(xx - xw**2 / ww, 0.0) * np.maximum(yy - yw**2 / ww, 0.0))
-        curves = np.divide(xy - xw * yw / ww, power, out=np.zeros_like(xy), where=power > 0.0)
-        fine_s = np.arange(self.lags_s[0], self.lags_s[-1] + 0.5 * _FINE_S, _FINE_S)
-        values = CubicSpline(self.lags_s, curves, axis=1)(fine_s)
-        best = np.clip(np.argmax(values, axis=1), 1, fine_s.size - 2)
-        before, at, after = (np.take_along_axis(values, (best + step)[:, None], 1)[:, 0] for step in (-1, 0, 1))
-        bend = before - 2.0 * at + after
-        offset = np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0.0)
-        return fine_s[best] + np.clip(offset, -1.0, 1.0) * _FINE_S, at
+def _lag(bands: Sequence[MotorBand], torques: Sequence[FloatArray], axis: int) -> Lag:
+    """Lag of the angular acceleration of one axis behind the torque of the motors."""
+    parts = (
+        LagPart(torque[axis], band.accelerations[axis], band.rates[axis], band.block // _BLOCKS, band.kept)
+        for band, torque in zip(bands, torques, strict=True)
+    )
+    return lag_curve(parts, step_s=bands[0].step_s, longest_s=_LONGEST_S, where=f"motors in {_AXES[axis]}").lag()
 
 
-def _curve(bands: Sequence[MotorBand], torques: Sequence[FloatArray], axis: int) -> _Curve:
-    """Sums over blocks of all flights, of one axis."""
-    step_s = bands[0].step_s
-    reach = math.ceil(_LONGEST_S / step_s)
-    lags = np.arange(-reach, reach + 1)
-    sums = []
-    for band, torque in zip(bands, torques, strict=True):
-        inside = np.arange(reach, band.time_s.size - reach)
-        inside = inside[band.kept[inside]]
-        if not inside.size:
-            continue
-        x, y, w = torque[axis, inside - lags[:, None]], band.accelerations[axis, inside], band.rates[axis, inside]
-        starts = np.flatnonzero(np.diff(band.block[inside] // _BLOCKS, prepend=-1))
-        rows = (x * y, x * w, x**2, *(np.broadcast_to(row, x.shape) for row in (y**2, y * w, w**2)))
-        sums.append([np.add.reduceat(row, starts, axis=1).T for row in rows])
-    lags_s = np.asarray(lags * step_s, dtype=np.float64)
-    return _Curve(lags_s, *(np.concatenate(rows) for rows in zip(*sums, strict=True)))
+def _with_feedback(lag: Lag) -> Quantity:
+    """A lag with its random error, and with what noise and gusts make of it that return through the controller."""
+    return Quantity.normal(lag.seconds, math.hypot(lag.std, _FEEDBACK_S * (lag.correlation**-2.0 - 1.0)), "s")
 
 
 def _far(bands: Sequence[MotorBand], torques: Sequence[FloatArray]) -> float | None:
@@ -332,14 +287,6 @@ def _far(bands: Sequence[MotorBand], torques: Sequence[FloatArray]) -> float | N
     curves = [correlate(motion, made)[near] / power for (motion, made), power in zip(pairs, size, strict=True)]
     best = int(np.argmax(np.sum(curves, axis=0)))
     return float(lags_s[near][best]) if min(curve[best] for curve in curves) >= NO_RELATION else None
-
-
-def _together(by_axis: Mapping[str, Quantity]) -> Quantity:
-    """Mean by inverse variance; where axes differ by more than their errors, half of that is its error."""
-    values = np.array([found.value for found in by_axis.values()])
-    weights = np.array([found.std**-2.0 if found.std > 0.0 else 1e12 for found in by_axis.values()])
-    apart = 0.5 * float(np.ptp(values))
-    return Quantity.normal(float(np.average(values, weights=weights)), max(float(weights.sum() ** -0.5), apart), "s")
 
 
 def _agree(by_axis: Mapping[str, Quantity], tolerance_s: float) -> bool:
@@ -373,4 +320,4 @@ def _gyro_after_attitude(record: FlightRecord, bands: Sequence[MotorBand]) -> Qu
     known = {check.channel: check for check in checks if check.relation == "same"}
     if not known:
         return None
-    return _together({name: Quantity.normal(check.lag_s, check.lag_std_s, "s") for name, check in known.items()})
+    return together(Quantity.normal(check.lag_s, check.lag_std_s, "s") for check in known.values())
