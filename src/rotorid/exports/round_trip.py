@@ -26,6 +26,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.exports.target import Compared, Fidelity
+from rotorid.simulation.linearization import hover_slopes
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -108,9 +109,10 @@ def identified_motion(vehicle: JoinedVehicle, multirotor: Multirotor, *, lag_s: 
     body[3:, 3:] = multirotor.inertia_kg_m2
     air = multirotor.aerodynamics
     assert air is not None
+    by_motion = hover_slopes(multirotor) if multirotor.body().has_air else np.linalg.solve(body, air)
     return HoverMotion(
         by_output=np.asarray(np.linalg.solve(body, multirotor.wrench * vehicle.hover_slope_n), dtype=np.float64),
-        by_motion=np.asarray(np.linalg.solve(body, air), dtype=np.float64),
+        by_motion=np.asarray(by_motion, dtype=np.float64),
         hover_output=vehicle.hover_output,
         lag_s=lag_s,
     )

@@ -27,12 +27,16 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
+from rotorid.flying.vehicle_air import AIR_UNITS, PLACE, air_factors, hover_parameters, rotor_flow
 from rotorid.models.families import family_of
+from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, yaw_range
 from rotorid.models.parameter import no_such
 from rotorid.models.rotors import RotorLayout
 from rotorid.planning.responses import answers_setpoints
-from rotorid.simulation.multirotor import Multirotor, Rotors
+from rotorid.simulation.linearization import hover_slopes
+from rotorid.simulation.multirotor import Multirotor, RotorFlow, Rotors
+from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
@@ -75,10 +79,13 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "spin_min": "1",
         "spin_max": "1",
         "reference_v": "V",
+        **dict.fromkeys(PLACE, "m"),
+        **AIR_UNITS,
     }
 )
 """Numbers of a vehicle. ``I_xy I_xz I_yz`` are entries of the matrix of inertia, forward, right, down; thrust of one
-rotor is ``c_0 + c_1 x + c_2 x^2`` of the lagged output x from zero to one, and its angular momentum ``h x``."""
+rotor in hover is ``c_0 + c_1 x + c_2 x^2`` of the lagged output x from zero to one, and its angular momentum ``h x``;
+what moving air adds are the terms of `rotorid.models.flight`."""
 
 MOTION: Mapping[str, tuple[int, int]] = MappingProxyType(
     {
@@ -355,13 +362,19 @@ def joined_vehicle(
     if arm is not None:
         numbers["arm"] = arm
     numbers |= {key: _given(key, value) for key, value in known.items()} | assumed
-    numbers |= _usual(numbers, usual or {})
+    of_rotors = dict.fromkeys(_shown_by_air(numbers))
+    numbers |= _usual(numbers, {name: number for name, number in (usual or {}).items() if name not in of_rotors})
     rotors, findings = _turning(rotors, numbers)
     findings += _yaw(numbers)
     findings += _spinning_up(numbers, rotors, models)
     if "h" not in numbers and usual is not None and "h" in usual:
         numbers["h"] = usual["h"]
-    body = _multirotor(name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))))
+    density_kg_m3 = next(
+        (model.flight.density_kg_m3 for model in models if model.flight is not None), AIR_DENSITY_KG_M3
+    )
+    body = _multirotor(
+        name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))), density_kg_m3=density_kg_m3
+    )
     vehicle = JoinedVehicle(
         name=name,
         multirotor=body,
@@ -530,7 +543,7 @@ def _of_motors(
     """Numbers of a motor result in meters, shares of output and kilograms, where these are known."""
     motors, of = model.motors, _label(model)
     assert motors is not None
-    kept = {name: estimate for name, estimate in model.parameters.items() if estimate.status != "dropped"}
+    kept = {name: estimate for name, estimate in hover_parameters(model).items() if estimate.status != "dropped"}
     factors = _unit_factors(motors, known)
     scale = _scale(model, factors, known, mass)
     found: dict[str, VehicleNumber] = {}
@@ -543,11 +556,33 @@ def _of_motors(
     found |= {name: _number(name, kept[name], of) for name in _OF_MOTORS if name in kept}
     if "h_per_I_zz" in kept and "h_per_I_zz" in factors:
         found["h_per_I_zz"] = _number("h_per_I_zz", kept["h_per_I_zz"], of, factors["h_per_I_zz"])
+    found |= _of_air(model, factors, scale)
     delay = next((name for name in ("tau_gyro", "tau_accel") if name in kept), None)
     if delay is not None:
         found["delay"] = _number("delay", kept[delay], of)
     if motors.reference_v is not None:
         found["reference_v"] = VehicleNumber(value=motors.reference_v, unit="V", source="derived", of=of)
+    return found
+
+
+def _of_air(model: IdentifiedModel, factors: Mapping[str, float], scale: float | None) -> dict[str, VehicleNumber]:
+    """What a result of ``physical.flight`` knows of the air, of the rotors' inertia and of the accelerometer."""
+    flight, motors = model.flight, model.motors
+    if flight is None or motors is None:
+        return {}
+    kept = {name: estimate for name, estimate in model.parameters.items() if estimate.status != "dropped"}
+    of = _label(model)
+    of_air = air_factors(model, full=factors.get("c_1"), scale=scale, length=factors.get("I_xx", 1.0))
+    found = {name: _number(name, kept[name], of, of_air[name]) for name in AIR_UNITS if name in kept and name in of_air}
+    found |= {name: _number(name, kept[name], of) for name in PLACE if name in kept}
+    if "J_r" in kept and "J_r" in of_air:
+        found["h"] = _number("h", kept["J_r"], of, of_air["J_r"])
+    if scale is not None:
+        # Only thrust over disc acts: with another mass the disc is another one.
+        area_m2 = len(motors.rotors) * flight.disc_m2 * scale
+        source: Source = "default" if flight.disc_assumed else "given"
+        words = "rotors of the usual size for this frame" if flight.disc_assumed else of
+        found["disc_area"] = VehicleNumber(value=area_m2, unit="m^2", source=source, of=words)
     return found
 
 
@@ -571,9 +606,9 @@ def _scale(
     motors = model.motors
     assert motors is not None
     own = motors.scale
-    wanted = SCALES if own is None else (own,)
+    wanted, parameters = SCALES if own is None else (own,), hover_parameters(model)
     for name in wanted:
-        found = model.parameters.get(name)
+        found = parameters.get(name)
         if name in known and name in factors and found is not None and found.value:
             return known[name] / (factors[name] * found.value)
     if own is None and mass is not None:
@@ -806,11 +841,11 @@ def _spinning_up(
     hover, whatever the mixer makes of the command.
     """
     of_motors, inertia = numbers.get("h_per_I_zz"), numbers.get("I_zz")
-    if "h" in numbers:
+    if "h" in numbers and numbers["h"].source == "given":
         return []
-    if of_motors is not None and inertia is not None:
+    if "h" not in numbers and of_motors is not None and inertia is not None:
         numbers["h"] = _product("h", of_motors, inertia.value, inertia)
-    else:
+    elif "h" not in numbers:
         lead = next((found for model in models if (found := _lead_of(model)) is not None), None)
         kappa = numbers.get("kappa")
         slope = None if lead is None else _hover_slope_n(numbers, rotors)
@@ -877,9 +912,14 @@ def _require_body(numbers: Mapping[str, VehicleNumber], share: float) -> None:
 
 
 def _multirotor(
-    name: str, numbers: Mapping[str, VehicleNumber], rotors: RotorLayout | None, *, source: str
+    name: str,
+    numbers: dict[str, VehicleNumber],
+    rotors: RotorLayout | None,
+    *,
+    source: str,
+    density_kg_m3: float,
 ) -> Multirotor | None:
-    """The rigid body, where everything that it needs is known."""
+    """The rigid body, where everything that it needs is known; what its rotors do about hover goes to the numbers."""
     curve = any(term in numbers for term in _TERMS)
     if rotors is None or not rotors.arm_known or not curve or not set(_BODY) <= set(numbers):
         return None
@@ -887,12 +927,8 @@ def _multirotor(
     inertia = np.diag([value[key] for key in _INERTIA])
     for key, (i, j) in _PRODUCTS.items():
         inertia[i, j] = inertia[j, i] = value.get(key, 0.0)
-    size = np.array([value["m"]] * 3 + [value[key] for key in _INERTIA])
-    air = np.zeros((6, 6))
-    for key, (i, j) in MOTION.items():
-        air[i, j] = size[i] * value.get(key, 0.0)
     c_0, c_1, c_2 = (value.get(term, 0.0) for term in _TERMS)
-    return Multirotor(
+    body = Multirotor(
         name=name,
         mass_kg=value["m"],
         inertia_kg_m2=inertia,
@@ -902,12 +938,80 @@ def _multirotor(
             torque_per_thrust_m=value["kappa"],
             lag_up_s=value.get("T_motor_up", value.get("T_motor", 0.0)),
             lag_down_s=value.get("T_motor_down"),
+            induced_drag_n_s_m=value.get("k_d", 0.0),
+            inflow_n_s_m=value.get("c_lambda", 0.0),
             inertia_kg_m2=value.get("h", 0.0) / value.get("speed_max", _ANY_SPEED_RAD_S),
             full_speed_rad_s=value.get("speed_max", _ANY_SPEED_RAD_S) if "h" in value else 0.0,
+            flow=rotor_flow(value, rotors=rotors.rotors, density_kg_m3=density_kg_m3),
         ),
-        aerodynamics=air,
+        vertical_drag_n_s2_m2=value.get("d_z", 0.0),
         source=source,
     )
+    of_rotors = np.zeros((6, 6))
+    if shown := _shown_by_air(numbers):
+        of_rotors = hover_slopes(body)
+        for key, std in _slope_stds(body, numbers, shown).items():
+            of = " and ".join(dict.fromkeys(numbers[cause].of for cause in _CAUSES[key] if cause in numbers))
+            own = VehicleNumber(value=float(of_rotors[MOTION[key]]), unit=UNITS[key], source="derived", std=std, of=of)
+            other = numbers.get(key)
+            if other is None:
+                numbers[key] = own
+            elif other.source != "given":
+                numbers[key] = _combined(key, [own, other], {})
+    size = np.array([value["m"]] * 3 + [value[key] for key in _INERTIA])
+    air = np.zeros((6, 6))
+    for key, place in MOTION.items():
+        # A derivative is that of rotors and body together.
+        total = numbers[key].value if key in numbers else float(of_rotors[place])
+        rest = total - float(of_rotors[place])
+        air[place] = 0.0 if abs(rest) <= _SAME * abs(total) else size[place[0]] * rest
+    return replace(body, aerodynamics=air)
+
+
+_CAUSES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "X_u": ("k_d",),
+        "Y_v": ("k_d",),
+        "Z_w": ("c_lambda",),
+        "M_u": ("m_f", "k_d"),
+        "L_v": ("m_f", "k_d"),
+        "L_p": ("c_lambda", "k_d", "m_f"),
+        "M_q": ("c_lambda", "k_d", "m_f"),
+        "N_r": ("k_d", "k_r"),
+    }
+)
+"""What of the rotors' air makes a derivative of hover; the first has to be known for it."""
+
+
+def _shown_by_air(numbers: Mapping[str, VehicleNumber]) -> tuple[str, ...]:
+    """Derivatives of hover that follow from what the rotors do in moving air."""
+    return tuple(key for key, causes in _CAUSES.items() if causes[0] in numbers)
+
+
+def _slope_stds(
+    body: Multirotor, numbers: Mapping[str, VehicleNumber], shown: Sequence[str]
+) -> dict[str, float | None]:
+    """Standard deviation of each derivative that follows: all are linear in what makes them."""
+    rotors, whole = body.rotors, hover_slopes(body)
+    flow = rotors.flow or RotorFlow()
+    without = {
+        "k_d": replace(rotors, induced_drag_n_s_m=0.0),
+        "c_lambda": replace(rotors, inflow_n_s_m=0.0),
+        "m_f": replace(rotors, flow=replace(flow, flapping_n_s2_m=0.0)),
+        "k_r": replace(rotors, flow=replace(flow, yaw_damping_n_m_s=0.0)),
+    }
+    shares: dict[str, FloatArray] = {}
+    for name, other in without.items():
+        number = numbers.get(name)
+        if number is not None and number.value != 0.0 and number.std:
+            made = whole - hover_slopes(replace(body, rotors=other))
+            shares[name] = made * (number.std / number.value)
+    return {
+        key: math.hypot(*parts)
+        if (parts := [shares[name][MOTION[key]] for name in _CAUSES[key] if name in shares])
+        else None
+        for key in shown
+    }
 
 
 def _hovered(motors: MotorPhysics) -> bool:

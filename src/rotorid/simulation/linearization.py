@@ -329,6 +329,19 @@ def hover_derivatives_of(
     } | {"N_spin": spin}
 
 
+def hover_slopes(vehicle: Multirotor) -> FloatArray:
+    """Accelerations of a hovering vehicle by ``u v w p q r``, rotors and body together, shape ``(6, 6)``.
+
+    Examples
+    --------
+    >>> from rotorid.vehicles.catalog import aircraft
+    >>> round(float(hover_slopes(aircraft("forward_quad").vehicle)[0, 0]), 3)
+    -0.235
+    """
+    motion = len(FORCES_AND_MOMENTS)
+    return np.array(_slopes(trimmed(vehicle, 0.0), vehicle.body())[:motion, :motion])
+
+
 def _slopes(trim: Trim, body: Body) -> FloatArray:
     """Slopes of the rates of all states and of the specific force, by states and by outputs to the motors.
 
