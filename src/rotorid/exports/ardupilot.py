@@ -40,7 +40,19 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
-from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, VERTICAL, YAW, compared, identified_motion, linearized
+from rotorid.exports.round_trip import (
+    HOVER,
+    LAG,
+    PITCH,
+    ROLL,
+    VERTICAL,
+    YAW,
+    compared,
+    fastest_m_s,
+    identified_motion,
+    in_flight,
+    linearized,
+)
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import HoverThrust, expo_thrust, full_thrust_words
@@ -336,7 +348,7 @@ def _table(
     table: dict[str, Any] = {
         "mass": body.mass_kg,
         "diagonal_size": size,
-        "refSpd": _reference_speed(weight, drag, density * disc, defaults),
+        "refSpd": _reference_speed(weight, drag, density * disc, defaults, flown=fastest_m_s(vehicle) is not None),
         **usual,
         "refAlt": altitude_m,
         "maxVoltage": _usual("maxVoltage", defaults) if voltage is None else voltage.value,
@@ -383,12 +395,19 @@ def _momentum_drag(
     return max(drag, 0.0)
 
 
-def _reference_speed(weight: float, drag: float, air: float, defaults: dict[str, VehicleNumber]) -> float:
-    """``refSpd``: SITL's own, or the largest at which it does not lower ``mdrag_coef``."""
+def _reference_speed(
+    weight: float, drag: float, air: float, defaults: dict[str, VehicleNumber], *, flown: bool
+) -> float:
+    """``refSpd``: SITL's own, or the largest at which it does not lower ``mdrag_coef``.
+
+    At that speed there is no drag of the body: so where fast flight has shown all of the drag.
+    """
     angle = math.radians(_USUAL["refAngle"][0])
     if drag == 0.0:
         return _usual("refSpd", defaults)
     most = weight * math.tan(angle) / (math.cos(angle) ** 2 * drag * math.sqrt(weight * air / math.cos(angle)))
+    if flown:
+        return 0.999 * most
     if most >= _USUAL["refSpd"][0]:
         return _usual("refSpd", defaults)
     return _usual("refSpd", defaults, 0.999 * most, "the fastest that leaves mdrag_coef as it is")
@@ -514,7 +533,10 @@ def _compared(
         back = back * span * gain / (1.0 - e + 2.0 * e * c)
         output = table["hoverThrOut"] / gain
     exported = own.replaced(back, hover_output=output)
-    return compared(vehicle, identified, exported, _fidelities(vehicle, body, thrust), delay=False)
+    rows = compared(vehicle, identified, exported, _fidelities(vehicle, body, thrust), delay=False)
+    return rows + in_flight(
+        vehicle, body, lambda x, v, w: sitl_accelerations(table, x, v, w), np.full(table["num_motors"], hover)
+    )
 
 
 def _share_in_hover(table: Mapping[str, Any]) -> float:

@@ -41,7 +41,7 @@ from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.exports.mujoco import own_slopes
 from rotorid.exports.px4_sih import delay_steps, lag_of
-from rotorid.exports.round_trip import DELAY, compared, identified_motion, linearized
+from rotorid.exports.round_trip import DELAY, compared, hover_air, identified_motion, in_flight, linearized
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     NamedModel,
@@ -156,8 +156,7 @@ def _linear(model: NamedModel) -> _Unit:
 
 
 def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings) -> _Unit:
-    motors, air = body.rotors.layout.motor_names, body.aerodynamics
-    assert air is not None
+    motors, air = body.rotors.layout.motor_names, hover_air(body)
     sizes = {
         "ROTORS": len(motors),
         "INPUTS": len(motors) + len(WINDS),
@@ -245,6 +244,7 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, header: str, choices: Ex
         lag_s=float(_read(header, "LAG_S")[0]) or None,
     )
     rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
+    rows += in_flight(vehicle, body, lambda x, v, w: vehicle_accelerations(header, x, v, w), _read(header, "HOVER"))
     late_s = float(_read(header, "DELAY_STEPS")[0]) * STEP_S
     return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
 

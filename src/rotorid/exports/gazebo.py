@@ -33,7 +33,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.round_trip import HOVER, compared, identified_motion, linearized
+from rotorid.exports.round_trip import HOVER, compared, identified_motion, in_flight, linearized
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Fidelity, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
@@ -84,6 +84,8 @@ class GazeboVehicle(Immutable):
         ``momentConstant``.
     drag
         ``rotorDragCoefficient``, N s²/(m rad).
+    rolling
+        ``rollingMomentCoefficient`` of a rotor that turns clockwise, N s²/rad; of the others it is less than zero.
     lag_up_s, lag_down_s
         Time constants.
     slowest, fastest
@@ -104,6 +106,7 @@ class GazeboVehicle(Immutable):
     lag_down_s: float
     slowest: int
     fastest: int
+    rolling: float = 0.0
 
     def __post_init__(self) -> None:
         self._set(
@@ -245,7 +248,14 @@ def gazebo_vehicle(
         lag_down_s=_LAG_DOWN_S if lag_s is None else _own(vehicle, "T_motor_down", lag_s),
         slowest=slowest,
         fastest=fastest,
+        rolling=_rolling(body, output / float(np.sqrt(force / thrust))),
     )
+
+
+def _rolling(body: Multirotor, per_rad_s: float) -> float:
+    """Moment to the side of a rotor's turn, by its speed instead of its output."""
+    flow = body.rotors.flow
+    return 0.0 if flow is None else flow.side_flapping_n_s * per_rad_s
 
 
 def _own(vehicle: JoinedVehicle, name: str, lag_s: float) -> float:
@@ -320,6 +330,7 @@ def gazebo_accelerations(
         push = thrust * up - abs(rad_s) * model.drag * (local - up * local[2])
         force = force + push
         moment = moment + np.cross(hub, push) - spin * model.torque_m * thrust * up
+        moment = moment + abs(rad_s) * spin * model.rolling * (local - up * local[2])
     return np.concatenate([_DIAGONAL @ force / mass, _DIAGONAL @ np.linalg.solve(inertia, moment)])
 
 
@@ -340,7 +351,10 @@ def _compared(
         fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if not exact or 100.0 * rounding > EXACT_PERCENT * vehicle.hover_output:
         fidelities[HOVER] = "approximated"
-    return compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
+    rows = compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
+    return rows + in_flight(
+        vehicle, body, lambda x, v, w: gazebo_accelerations(model, x, v, w), np.full(len(model.hubs_m), output)
+    )
 
 
 def _left_out(vehicle: JoinedVehicle, choices: ExportSettings, model: GazeboVehicle) -> list[str]:
@@ -430,7 +444,7 @@ def _rotor(index: int, hub: FloatArray, spin: float, model: GazeboVehicle, arm: 
         "actuator_number": str(index),
         "motorNumber": str(index),
         "rotorDragCoefficient": number_text(model.drag),
-        "rollingMomentCoefficient": "0",
+        "rollingMomentCoefficient": number_text(-spin * model.rolling + 0.0) if model.rolling else "0",
         "rotorVelocitySlowdownSim": number_text(_SLOWDOWN),
         "motorType": "velocity",
     }

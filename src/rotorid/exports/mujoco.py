@@ -10,7 +10,7 @@ those of no and full output.
 
 Drag, damping and the delay are no part of MJCF: the one damping of a free joint is the same for all six motions, and
 fluid forces come from the shape of the inertia. The loop applies :math:`D (V, \omega)` in body axes as an outer force
-before each step, and hands outputs on late by whole steps.
+before each step, with what the rotors do in moving air where that is known, and hands outputs on late by whole steps.
 
 References
 ----------
@@ -27,7 +27,8 @@ import numpy as np
 
 from rotorid.errors import ModelError
 from rotorid.exports.px4_sih import delay_steps, lag_of
-from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, linearized
+from rotorid.exports.rotor_air import air_numbers, rotor_air, source
+from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, in_flight, linearized
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
@@ -221,7 +222,12 @@ def _loop(name: str, body: Multirotor, steps: int, head: Sequence[str]) -> str:
     assert air is not None
     rows = ",\n".join(f"        [{', '.join(f'{value + 0.0:.9g}' for value in row)}]" for row in _BOTH @ air @ _BOTH)
     table = "\n".join(line.rstrip() for line in head)
-    return _LOOP.format(name=name, table=table, rows=rows, steps=steps)
+    moving, wrench = "", "AERODYNAMICS @ motion"
+    if body.body().has_air:
+        moving = f"\n# Rotors in moving air.\n{source(body)}\n"
+        lagged = "data.act if model.na else np.asarray(outputs)"
+        wrench += f" + rotor_air(ROTOR_AIR, {lagged}, motion[:3], motion[3:])"
+    return _LOOP.format(name=name, table=table, rows=rows, steps=steps, air=moving, wrench=wrench)
 
 
 _LOOP = '''"""{table}
@@ -247,7 +253,7 @@ AERODYNAMICS = np.array(
 
 # Steps from an output to the motor.
 DELAY_STEPS = {steps}
-
+{air}
 
 def load():
     """The model and its data in hover."""
@@ -272,7 +278,7 @@ def step(model, data, outputs, on_the_way=None, wind=(0.0, 0.0, 0.0)):
     mujoco.mju_quat2Mat(axes, data.qpos[3:7])
     axes = axes.reshape(3, 3)
     motion = np.concatenate([axes.T @ (data.qvel[:3] - np.asarray(wind)), data.qvel[3:6]])
-    force, moment = np.split(AERODYNAMICS @ motion, 2)
+    force, moment = np.split({wrench}, 2)
     data.ctrl[:] = outputs
     data.xfrc_applied[model.body("{name}").id] = np.concatenate([axes @ force, axes @ moment])
     mujoco.mj_step(model, data)
@@ -295,7 +301,12 @@ if __name__ == "__main__":
 
 
 def mujoco_accelerations(
-    text: str, aerodynamics: FloatArray, x: FloatArray, velocity_m_s: FloatArray, rates_rad_s: FloatArray
+    text: str,
+    aerodynamics: FloatArray,
+    x: FloatArray,
+    velocity_m_s: FloatArray,
+    rates_rad_s: FloatArray,
+    air: dict[str, FloatArray] | None = None,
 ) -> FloatArray:
     """What a model and its loop do, by the equations at the head: accelerations without gravity, FRD.
 
@@ -309,6 +320,8 @@ def mujoco_accelerations(
         Activations, shape ``(rotors,)``.
     velocity_m_s, rates_rad_s
         Through the air and of the body, FRD.
+    air
+        Of :func:`rotorid.exports.rotor_air.air_numbers`, where the loop applies it.
     """
     from xml.etree import ElementTree
 
@@ -319,6 +332,8 @@ def mujoco_accelerations(
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     motion = np.concatenate([FLU @ velocity_m_s, FLU @ rates_rad_s])
     wrench = aerodynamics @ motion
+    if air is not None:
+        wrench = wrench + rotor_air(air, x, motion[:3], motion[3:])
     for share, motor in zip(x, root.iter("general"), strict=True):
         low, high = _read(motor.get("forcerange"))
         bias, gain = _read(motor.get("biasprm"))[0], _read(motor.get("gainprm"))[0]
@@ -340,10 +355,14 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
     assert air is not None
     lag_s = lag_of(vehicle, choices)
     identified = own_slopes(vehicle, body, identified_motion(vehicle, body, lag_s=lag_s))
-    exported = linearized(
-        lambda x, v, w: mujoco_accelerations(text, _BOTH @ air @ _BOTH, x, v, w), body.hover_shares, lag_s=lag_s
-    )
+    moving = air_numbers(body) if body.body().has_air else None
+
+    def accelerations(x: FloatArray, v: FloatArray, w: FloatArray) -> FloatArray:
+        return mujoco_accelerations(text, _BOTH @ air @ _BOTH, x, v, w, moving)
+
+    exported = linearized(accelerations, body.hover_shares, lag_s=lag_s)
     rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
+    rows += in_flight(vehicle, body, accelerations, body.hover_shares, drag="exact", lift="exact")
     late_s = delay_steps(vehicle, choices, step_s=STEP_S) * STEP_S
     return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
 
@@ -355,7 +374,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings)
     steps = f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms"
     words = f"The delay of {{}} is in the loop as {steps}, and not in the model."
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
-    if np.any(body.aerodynamics):
+    if np.any(body.aerodynamics) or body.body().has_air:
         remarks.append("Drag and damping are in the loop and not in the model.")
     unknown = [name for name in _MOTION if name not in vehicle.numbers]
     if unknown:

@@ -33,7 +33,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
-from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, linearized
+from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, in_flight, linearized
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
@@ -337,7 +337,8 @@ def _compared(
     own = linearized(lambda x, v, w: sih_accelerations(parameters, x, v, w), hover, lag_s=pole_s)
     exported = own.replaced(rotors.restored(own.by_output))
     fidelities = _fidelities(body, frame, rotors) | ({LAG: "approximated"} if at_once else {})
-    return compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
+    rows = compared(vehicle, identified, exported, fidelities, delay=choices.delay == "lag")
+    return rows + in_flight(vehicle, body, lambda x, v, w: sih_accelerations(parameters, x, v, w), hover)
 
 
 def _places(body: Multirotor, frame: Frame) -> FloatArray:

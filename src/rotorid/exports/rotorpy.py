@@ -6,8 +6,10 @@ hub through the air:
 .. math::
 
     \tau_m \dot\Omega_i = \Omega_{c,i} - \Omega_i, \qquad
-    F_i = k_\eta \Omega_i^2 e_z - \Omega_i \, \mathrm{diag}(k_d, k_d, k_z) V_i, \qquad
+    F_i = (k_\eta \Omega_i^2 + k_h |h_i|^2) e_z - \Omega_i \, \mathrm{diag}(k_d, k_d, k_z) V_i, \qquad
     M_i = r_i \times F_i + d_i k_m \Omega_i^2 e_z - k_{flap} \Omega_i \, V_i \times e_z
+
+with the part :math:`h_i` of that velocity across the rotor, and of the body :math:`-c_D |V| V`.
 
 Its controllers command speeds, and the vehicle was identified by outputs :math:`x`; with
 :math:`\Omega = \Omega_1 (x + b)/(1 + b)` the thrust of a rotor is :math:`a (x + b)^2`, which holds its force and slope
@@ -36,7 +38,15 @@ from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.round_trip import compared, identified_motion, linearized
+from rotorid.exports.round_trip import (
+    accelerations_of,
+    compared,
+    fastest_m_s,
+    hover_air,
+    identified_motion,
+    in_flight,
+    linearized,
+)
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
@@ -76,6 +86,10 @@ class SpeedVehicle(Immutable):
         By the square of speed, N s²/rad² and N m s²/rad².
     drag, climb_drag, flapping
         ``k_d``, ``k_z`` and ``k_flap``.
+    lift
+        ``k_h``, N s²/m².
+    body_drag
+        ``c_Dz``, N s²/m².
     lag_s
         Of the speeds.
     fastest_rad_s, shift
@@ -94,6 +108,8 @@ class SpeedVehicle(Immutable):
     lag_s: float
     fastest_rad_s: float
     shift: float
+    lift: float = 0.0
+    body_drag: float = 0.0
 
     def __post_init__(self) -> None:
         self._set(
@@ -230,7 +246,24 @@ def speed_vehicle(
         lag_s=lag_s,
         fastest_rad_s=fastest,
         shift=shift,
+        lift=_lift(vehicle, body),
+        body_drag=body.vertical_drag_n_s2_m2,
     )
+
+
+_SPEEDS = 24
+
+
+def _lift(vehicle: JoinedVehicle, body: Multirotor) -> float:
+    """``k_h`` of the thrust that a rotor gains by edgewise flow, by least squares over the speeds identified."""
+    fastest = fastest_m_s(vehicle)
+    if fastest is None or body.rotors.flow is None:
+        return 0.0
+    speeds = np.linspace(0.0, fastest, _SPEEDS)
+    outputs = body.hover_shares
+    pushed = np.array([-accelerations_of(body, outputs, np.array([speed, 0.0, 0.0]))[2] for speed in speeds])
+    gained = body.mass_kg * (pushed - pushed[0]) / body.rotors.layout.rotors
+    return float(gained @ speeds**2 / (speeds**2 @ speeds**2))
 
 
 def _braking(
@@ -247,8 +280,7 @@ def _braking(
 
 def _flapping(vehicle: JoinedVehicle, body: Multirotor, all_rad_s: float, by_drag: float) -> float:
     """``k_flap`` by which the moment by velocity is right, the part included that drag at the hubs makes."""
-    air = body.aerodynamics
-    assert air is not None
+    air = hover_air(body)
     known = [value for name, value in (("M_u", -air[4, 0]), ("L_v", air[3, 1])) if name in vehicle.numbers]
     return float(np.mean(known)) / all_rad_s + by_drag if known else 0.0
 
@@ -274,10 +306,12 @@ def rotorpy_accelerations(
     local = speed + np.cross(turn, model.hubs_m)
     square = speeds_rad_s[:, None] ** 2 * up
     push = model.thrust * square - speeds_rad_s[:, None] * local * [model.drag, model.drag, model.climb_drag]
+    push = push + model.lift * (local[:, :2] ** 2).sum(axis=1)[:, None] * up
     moment = np.cross(model.hubs_m, push) + model.torque * model.directions[:, None] * square
     moment = moment - model.flapping * speeds_rad_s[:, None] * np.cross(local, up)
     total = moment.sum(axis=0) - np.cross(turn, model.inertia_kg_m2 @ turn)
-    return np.concatenate([FLU @ push.sum(axis=0) / model.mass_kg, FLU @ np.linalg.solve(model.inertia_kg_m2, total)])
+    force = push.sum(axis=0) - model.body_drag * float(np.linalg.norm(speed)) * speed * up
+    return np.concatenate([FLU @ force / model.mass_kg, FLU @ np.linalg.solve(model.inertia_kg_m2, total)])
 
 
 def _hover_speeds(body: Multirotor, model: SpeedVehicle) -> FloatArray:
@@ -296,7 +330,14 @@ def _compared(
         model.output(_hover_speeds(body, model)),
         lag_s=model.lag_s,
     )
-    return compared(vehicle, identified, exported, _fidelities(vehicle, model), delay=choices.delay == "lag")
+    rows = compared(vehicle, identified, exported, _fidelities(vehicle, model), delay=choices.delay == "lag")
+    return rows + in_flight(
+        vehicle,
+        body,
+        lambda x, v, w: rotorpy_accelerations(model, model.speed(x), v, w),
+        model.output(_hover_speeds(body, model)),
+        lift="approximated",
+    )
 
 
 def _fidelities(vehicle: JoinedVehicle, model: SpeedVehicle) -> Mapping[str, Fidelity]:
@@ -343,12 +384,12 @@ def _file(body: Multirotor, model: SpeedVehicle, radius_m: float, head: Sequence
         "rotor_radius": radius_m,
         "c_Dx": 0.0,
         "c_Dy": 0.0,
-        "c_Dz": 0.0,
+        "c_Dz": model.body_drag,
         "k_eta": model.thrust,
         "k_m": model.torque,
         "k_d": model.drag,
         "k_z": model.climb_drag,
-        "k_h": 0.0,
+        "k_h": model.lift,
         "k_flap": model.flapping,
         "tau_m": model.lag_s,
         "rotor_speed_min": float(model.speed(0.0)),

@@ -27,6 +27,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.exports.target import Compared, Fidelity
 from rotorid.simulation.linearization import hover_slopes
+from rotorid.simulation.multirotor import STATES
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -104,18 +105,87 @@ def identified_motion(vehicle: JoinedVehicle, multirotor: Multirotor, *, lag_s: 
     lag_s
         Lag that a simulator should have, the delay included where it stands for that too.
     """
-    body = np.zeros((6, 6))
-    body[:3, :3] = multirotor.mass_kg * np.eye(3)
-    body[3:, 3:] = multirotor.inertia_kg_m2
-    air = multirotor.aerodynamics
-    assert air is not None
-    by_motion = hover_slopes(multirotor) if multirotor.body().has_air else np.linalg.solve(body, air)
+    body = _inertial(multirotor)
     return HoverMotion(
         by_output=np.asarray(np.linalg.solve(body, multirotor.wrench * vehicle.hover_slope_n), dtype=np.float64),
-        by_motion=np.asarray(by_motion, dtype=np.float64),
+        by_motion=np.asarray(np.linalg.solve(body, hover_air(multirotor)), dtype=np.float64),
         hover_output=vehicle.hover_output,
         lag_s=lag_s,
     )
+
+
+def _inertial(multirotor: Multirotor) -> FloatArray:
+    body = np.zeros((6, 6))
+    body[:3, :3] = multirotor.mass_kg * np.eye(3)
+    body[3:, 3:] = multirotor.inertia_kg_m2
+    return body
+
+
+def hover_air(multirotor: Multirotor) -> FloatArray:
+    """Force (N) and moment (N m) by velocity and rate about hover, of rotors and body together, shape ``(6, 6)``."""
+    air = multirotor.aerodynamics
+    assert air is not None
+    return _inertial(multirotor) @ hover_slopes(multirotor) if multirotor.body().has_air else air
+
+
+def fastest_m_s(vehicle: JoinedVehicle) -> float | None:
+    """Airspeed along the discs up to which a vehicle was identified, in whole m/s; ``None`` where nobody knows."""
+    fastest = [model.flight.limits.edge_m_s[1] for model in vehicle.models if model.flight is not None]
+    return max(float(np.floor(max(fastest))), 1.0) if fastest else None
+
+
+def in_flight(
+    vehicle: JoinedVehicle,
+    multirotor: Multirotor,
+    accelerations: Accelerations,
+    hover_outputs: FloatArray,
+    *,
+    drag: Fidelity = "approximated",
+    lift: Fidelity = "not",
+) -> tuple[Compared, ...]:
+    """Rows of forward flight at the outputs of hover, at the largest speed that was identified; none without one.
+
+    Parameters
+    ----------
+    vehicle, multirotor
+        What was identified, and the body of it.
+    accelerations
+        The equations of the simulator, without gravity.
+    hover_outputs
+        Of each rotor there.
+    drag, lift
+        How the target holds both.
+    """
+    speed = fastest_m_s(vehicle)
+    if speed is None:
+        return ()
+    moving, still = np.array([speed, 0.0, 0.0]), np.zeros(3)
+    rows = []
+    own = (accelerations_of(multirotor, multirotor.hover_shares, velocity) for velocity in (moving, still))
+    theirs = (accelerations(hover_outputs, velocity, still) for velocity in (moving, still))
+    differences = [fast - slow for fast, slow in (tuple(own), tuple(theirs))]
+    for name, axis, held, cause in (("drag", 0, drag, "k_d"), ("lift gained", 2, lift, "c_lambda")):
+        if cause not in vehicle.numbers:
+            continue
+        was, now = (-float(difference[axis]) + 0.0 for difference in differences)
+        number = vehicle.numbers[cause]
+        std = abs(was * number.std / number.value) if number.std and number.value else None
+        row = Compared(
+            name=f"{name} at {speed:g} m/s", unit="m/s^2", identified=was, exported=now, held=held, identified_std=std
+        )
+        rows.append(row)
+    return tuple(rows)
+
+
+def accelerations_of(multirotor: Multirotor, outputs: FloatArray, velocity_m_s: FloatArray) -> FloatArray:
+    """Accelerations of a level vehicle without gravity, FRD, shape ``(6,)``."""
+    from rotorid.simulation.flight_kernels import derivative
+
+    state = multirotor.hovering()
+    state[3:6], state[STATES:] = velocity_m_s, outputs
+    out = np.zeros(state.size + 3)
+    derivative(state, state[STATES:].copy(), np.zeros(3), 1.0, multirotor.body(), out)
+    return np.concatenate([out[-3:], out[10:13]])
 
 
 def linearized(

@@ -38,6 +38,7 @@ from rotorid.exports.round_trip import (
     YAW,
     compared,
     identified_motion,
+    in_flight,
     linearized,
 )
 from rotorid.exports.settings import ExportSettings
@@ -242,7 +243,13 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
         fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
     if not model.climb_drag:
         fidelities["Z_w"] = "approximated"
-    return compared(vehicle, identified, own.replaced(rotors.restored(own.by_output)), fidelities)
+    rows = compared(vehicle, identified, own.replaced(rotors.restored(own.by_output)), fidelities)
+    return rows + in_flight(
+        vehicle,
+        body,
+        lambda x, v, w: pybullet_accelerations(model, rotors, model.speed(x) * _RPM, v, w),
+        shares,
+    )
 
 
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rotors: Arranged) -> list[str]:

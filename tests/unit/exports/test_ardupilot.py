@@ -191,7 +191,7 @@ def of_demands() -> JoinedVehicle:
         gains={"ATC_RAT_RLL_P": 0.135},
         filters={"ATC_RAT_RLL_FLTD": 40.0},
     )
-    model: Any = SimpleNamespace(motors=motors)
+    model: Any = SimpleNamespace(motors=motors, flight=None)
     return replace(vehicle, models=(model,), controller=controller)
 
 
