@@ -36,7 +36,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.quantity import Quantity, with_half
@@ -91,7 +91,7 @@ Of more than four rotors one that works harder looks like its opposite that work
 _UNEXPLAINED = 16.0
 """Squares that the best explanation may leave: Student's tails with few flights reach far."""
 
-_POWER_QUANTILE = float(stats.norm.ppf(0.8))
+_POWER_QUANTILE = float(special.ndtri(0.8))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -297,8 +297,8 @@ def balance_change(
         scatter * (1.0 + 1.0 / flights) + further,
     )
     t = change / np.sqrt(variance)
-    scores = stats.norm.isf(np.maximum(stats.t.sf(np.abs(t), freedom), 1e-300))
-    probability = float(stats.chi2.sf(float(scores @ scores), scores.size))
+    scores = -special.ndtri(np.maximum(special.stdtr(freedom, -np.abs(t)), 1e-300))
+    probability = float(special.chdtrc(scores.size, float(scores @ scores)))
     outputs, half = _by_motor(b, change, variance, freedom)
     reach = _detectable(b, variance, freedom)
     found = probability <= FALSE_ALARM
@@ -320,7 +320,7 @@ def _by_motor(
     b: FloatArray, change: FloatArray, variance: FloatArray, freedom: float
 ) -> tuple[dict[int, Quantity], float]:
     """Change of each motor against the mean, and half an interval over a standard deviation."""
-    half = float(stats.t.ppf(0.975, freedom))
+    half = float(special.stdtrit(freedom, 0.975))
     values, stds = b @ change, np.sqrt(np.square(b) @ variance)
     return {
         number: _interval(float(value), float(std), half)
@@ -362,8 +362,8 @@ def _explanations(
 
 def _detectable(b: FloatArray, variance: FloatArray, freedom: float) -> float:
     """Rise of the motor that shows least, which would have been found four times out of five."""
-    score = math.sqrt(float(stats.chi2.isf(FALSE_ALARM, b.shape[1]))) + _POWER_QUANTILE
+    score = math.sqrt(float(special.chdtri(b.shape[1], FALSE_ALARM))) + _POWER_QUANTILE
     # A score of so many normal deviations is one of more deviations of Student's.
-    wider = float(stats.t.isf(stats.norm.sf(score), freedom)) / score
+    wider = float(-special.stdtrit(freedom, special.ndtr(-score))) / score
     information = np.square(b / b.shape[0]) @ (1.0 / variance)
     return score * wider / math.sqrt(float(information.min())) if float(information.min()) > 0.0 else math.inf

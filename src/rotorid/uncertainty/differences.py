@@ -29,7 +29,7 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from rotorid.data.quantities import figure
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
@@ -43,7 +43,7 @@ FALSE_SHARE = 0.05
 NOTICEABLE_SHARE = 0.2
 """A change that has to be found for a number to be called unchanged."""
 
-_POWER_QUANTILE = float(stats.norm.ppf(0.8))
+_POWER_QUANTILE = float(special.ndtri(0.8))
 """A change that would have been found is one that is found four times out of five."""
 
 _LEAST_SIGMAS = 2.0
@@ -194,7 +194,7 @@ def distance(parameter: str, before: tuple[float, float], after: tuple[float, fl
 
 def chance(distance: float, freedom: float = math.inf) -> float:
     """Two-sided probability of so many standard deviations, where the deviation was estimated with ``freedom``."""
-    return float(2.0 * (stats.norm.sf(abs(distance)) if math.isinf(freedom) else stats.t.sf(abs(distance), freedom)))
+    return float(2.0 * special.stdtr(freedom, -abs(distance)))
 
 
 def homogeneity(values: AnyArray, stds: AnyArray) -> tuple[float, float]:
@@ -209,7 +209,7 @@ def homogeneity(values: AnyArray, stds: AnyArray) -> tuple[float, float]:
     y, weights = np.asarray(values, dtype=np.float64), np.asarray(stds, dtype=np.float64) ** -2.0
     mean = float(np.sum(weights * y) / np.sum(weights))
     Q = float(np.sum(weights * (y - mean) ** 2))
-    return Q, float(stats.chi2.sf(Q, y.size - 1))
+    return Q, float(special.chdtrc(y.size - 1, Q))
 
 
 def scatter_between(values: AnyArray, stds: AnyArray) -> float:
@@ -268,8 +268,7 @@ def detectable(std: float, *, tests: int, freedom: float = math.inf, share: floa
     (0.14, 0.2)
     """
     tail = share / (2.0 * max(tests, 1))
-    quantile = stats.norm.isf(tail) if math.isinf(freedom) else stats.t.isf(tail, freedom)
-    return float((float(quantile) + _POWER_QUANTILE) * std)
+    return float((_POWER_QUANTILE - special.stdtrit(freedom, tail)) * std)
 
 
 def verdict(*, found: bool, detectable_share: float) -> Verdict:

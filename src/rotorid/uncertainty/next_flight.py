@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
@@ -143,7 +143,7 @@ def _compared(name: str, earlier: list[Quantity], now: Quantity) -> tuple[NextFl
     if not (std > 0.0 and math.isfinite(std)):
         return NextFlight(now=now, flights=len(earlier)), math.inf, 0.0, scale
     freedom = len(earlier) - 1.0
-    expected = scale.quantity(mean, std, now.unit, half=float(stats.t.ppf(0.975, freedom)) * std)
+    expected = scale.quantity(mean, std, now.unit, half=float(special.stdtrit(freedom, 0.975)) * std)
     share = now.value / expected.value - 1.0 if abs(mean) > 2.0 * std or scale.logarithmic else math.nan
     one = NextFlight(
         now=now,

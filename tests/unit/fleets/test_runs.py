@@ -22,11 +22,11 @@ pytest.importorskip("pyarrow")
 SETTINGS = FleetSettings(models=("rate.roll",))
 
 
-def engine(workers: int = 2, timeout_s: float = 60.0) -> Processes:
+def engine(workers: int = 1, timeout_s: float = 60.0) -> Processes:
     return Processes(workers, Limits(work=WORK, timeout_s=timeout_s, memory_bytes=1 << 30))
 
 
-def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, workers: int = 2) -> Fleet:
+def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, workers: int = 1) -> Fleet:
     one = Fleet([logs], settings, out, engine=engine(workers))
     list(one)
     one.write_tables()
@@ -142,7 +142,7 @@ def test_an_answer_is_one_line_and_back() -> None:
 
 def test_the_early_end_of_an_iteration_leaves_a_journal_to_go_on_from(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 20, "slow")
-    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine(2))
     for count, _ in enumerate(one, start=1):
         if count == 5:
             break
