@@ -15,7 +15,8 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.fitting.flight.force import PLACE, ForceRows, Products, force_rows, solved, squares, through_sensor, total
+from rotorid.fitting.flight.force import through_sensor
+from rotorid.fitting.flight.ladder import ForceChoices, Rung, fit_force
 from rotorid.fitting.flight.moment import MomentChoices, MomentFit, Octave, fit_moments, motor_lag
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, velocity_class
 from rotorid.models.flight import (
@@ -27,8 +28,6 @@ from rotorid.models.flight import (
 )
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
-
-_CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 25))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,28 +65,6 @@ class FlightChoices(Immutable):
 
     def __post_init__(self) -> None:
         self._set(values=self.values)
-
-
-class Rung(NamedTuple):
-    """One step of the ladder: terms that were tried together.
-
-    Parameters
-    ----------
-    terms
-        Their names.
-    before, after
-        Root mean square of the error of force, N, on data that were not fitted, without and with them.
-    entered
-        Whether they were kept.
-    why
-        Why not, in a few words; empty where they were.
-    """
-
-    terms: tuple[str, ...]
-    before: float
-    after: float
-    entered: bool
-    why: str = ""
 
 
 class FlightRange(NamedTuple):
@@ -247,38 +224,39 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     choices = _with_lag(records, airframe, choices or FlightChoices())
     kind = choices.velocity or _least(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
-    names = (*(("c_2", "c_lambda", "k_d") if kind != "none" else ("c_2",)), *PLACE)
+    turned = all(record.attitude.shape[1] for record in records)
+    wind = (choices.wind is None or choices.wind) and kind == "measured" and turned
+    force = fit_force(
+        records,
+        airframe,
+        ForceChoices(choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain),
+    )
+    values = force.values
     driven = [
-        motion(record, choices.values, kind=kind, skew_s=float(skew))
-        for record, skew in zip(records, skews, strict=True)
+        motion(record, values, kind=kind, wind=blown, skew_s=float(skew))
+        for record, blown, skew in zip(records, force.winds, skews, strict=True)
     ]
-    rows = [force_rows(record, airframe, moved, names) for record, moved in zip(records, driven, strict=True)]
-    cutoff_hz = choices.cutoff_hz or _cutoff(rows, names)
-    values = _regressed(rows, names, cutoff_hz) | dict(choices.values)
-    left = [
-        np.sqrt(
-            np.mean(
-                (airframe.mass_kg * (record.force - predicted_force(values, airframe, record, moved, cutoff_hz))) ** 2,
-                axis=1,
-            )
-        )
-        for record, moved in zip(records, driven, strict=True)
-    ]
+    left = np.array(
+        [
+            _size(airframe.mass_kg * (record.force - predicted_force(values, airframe, record, moved, force.cutoff_hz)))
+            for record, moved in zip(records, driven, strict=True)
+        ]
+    )
     forces = FlightFit(
         airframe=airframe,
         records=tuple(record.name for record in records),
         values=values,
-        free=tuple(name for name in names if name not in choices.values),
-        entered=(),
-        ladder=(),
+        free=force.free,
+        entered=force.entered,
+        ladder=force.ladder,
         velocity=kind,
-        missing={},
-        winds=np.full((len(records), 2), np.nan),
-        wind_stds=np.full((len(records), 2), np.nan),
+        missing=force.missing,
+        winds=force.winds,
+        wind_stds=force.wind_stds,
         skews_s=skews,
-        cutoff_hz=cutoff_hz,
-        force_rms_n=np.array([np.sqrt((axes**2).sum()) for axes in left]),
-        force_axes_n=np.array(left),
+        cutoff_hz=force.cutoff_hz,
+        force_rms_n=np.sqrt((left**2).sum(axis=1)),
+        force_axes_n=left,
         tested=covered(records, driven),
         hover=hover_thrust(values, airframe),
     )
@@ -320,6 +298,11 @@ def _with_lag(records: Sequence[MotorRecord], airframe: Airframe, choices: Fligh
     if chain is None:
         return choices
     return replace(choices, values={**choices.values, "T_motor": chain.parameters["T_motor"].value})
+
+
+def _size(rows: FloatArray) -> FloatArray:
+    """Root mean square of each row."""
+    return np.asarray(np.sqrt(np.mean(rows**2, axis=1)))
 
 
 def predicted_force(
@@ -386,23 +369,3 @@ def _least(records: Sequence[MotorRecord]) -> VelocityClass:
     kinds = {velocity_class(record) for record in records}
     order: tuple[VelocityClass, ...] = ("none", "attitude", "measured")
     return next(kind for kind in order if kind in kinds)
-
-
-def _total(rows: Sequence[ForceRows], cutoff_hz: float | None, names: Sequence[str]) -> Products:
-    return total([row.products(cutoff_hz, names) for row in rows])
-
-
-def _regressed(rows: Sequence[ForceRows], names: Sequence[str], cutoff_hz: float | None) -> dict[str, float]:
-    return solved(_total(rows, cutoff_hz, names), names, np.ones(3))
-
-
-def _cutoff(rows: Sequence[ForceRows], names: Sequence[str]) -> float | None:
-    """The cut-off of the accelerometers' filter with the least error; ``None`` where none lowers it."""
-    if all(row.record.accel_taps.size > 1 for row in rows):
-        return None
-    found: list[tuple[float, float | None]] = []
-    for cutoff_hz in (*_CUTOFFS_HZ, None):
-        products = _total(rows, cutoff_hz, names)
-        values = np.array(list(solved(products, names, np.ones(3)).values()))
-        found.append((float(squares(products, values).sum()), cutoff_hz))
-    return min(found, key=lambda item: item[0])[1]

@@ -1,4 +1,4 @@
-r"""The force of flight fitted to specific force, by variable projection.
+r"""Specific force as least squares sees it: columns of coefficients behind the accelerometer's filter, and products.
 
 Every coefficient of the force acts linearly once speeds, velocity and inflow are known, and so does the place of the
 accelerometer. Columns of all candidates are worked out once a record, and brought to the sensor's filter in the
@@ -12,18 +12,18 @@ larger at times when the motors move (true of gusts, and roughly so of missing t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.record import MotorRecord
-from rotorid.errors import InsufficientDataError
 from rotorid.fitting.flight.motion import Motion
 from rotorid.models.flight import FORCE_TERMS, Airframe, flight_columns, place_columns, rotor_air
-from rotorid.typing import FloatArray
+from rotorid.typing import ComplexArray, FloatArray
 
 PLACE = ("x_imu", "y_imu", "z_imu")
 """Where the accelerometer is."""
@@ -32,6 +32,7 @@ FILTER_ORDER = 2
 """Of the low-pass, forward and backward, that stands for a filter of the accelerometer that is not known."""
 
 _KEPT_HZ = 25.0
+_LEAST_RATE_HZ = 80.0
 _TAPER = 0.02
 
 
@@ -42,6 +43,14 @@ class Products(NamedTuple):
     measured: FloatArray
     square: FloatArray
     samples: int
+
+    def of(self, mixed: FloatArray) -> Products:
+        """The same of columns that are mixed from these, by a matrix ``(p, columns)``."""
+        return Products(mixed.T @ self.columns @ mixed, self.measured @ mixed, self.square, self.samples)
+
+    def without(self, values: FloatArray) -> Products:
+        """The same after columns times these values have been taken out of what was measured."""
+        return Products(self.columns, self.measured - self.columns @ values, left_over(self, values), self.samples)
 
 
 def total(parts: Sequence[Products]) -> Products:
@@ -56,72 +65,76 @@ class ForceRows(Immutable):
 
     Parameters
     ----------
-    record
-        What was flown.
     names
         Of the columns: coefficients and the place of the accelerometer.
     columns
         Specific force that each makes at one, m/s², before the sensor's filter, shape ``(p, 3, n)``.
+    measured
+        Specific force, shape ``(3, n)``.
+    sample_rate_hz
+        Of both: no faster than needed, every sample the mean of those that it stands for.
+    taps
+        Impulse response of the accelerometer's filter at ``taps_rate_hz``; one tap where it is not known.
+    taps_rate_hz
+        Of the record.
     """
 
-    record: MotorRecord
     names: tuple[str, ...]
     columns: FloatArray
+    measured: FloatArray
+    sample_rate_hz: float
+    taps: FloatArray
+    taps_rate_hz: float
 
-    def products(self, cutoff_hz: float | None, chosen: Sequence[str] | None = None) -> Products:
-        """Products behind the filter of the accelerometer, whose cut-off counts where no taps are known.
+    def part(self, start: int, stop: int) -> ForceRows:
+        """Some of the samples."""
+        return replace(self, columns=self.columns[..., start:stop], measured=self.measured[:, start:stop])
+
+    def thirds(self) -> list[ForceRows]:
+        """Three parts of equal length."""
+        ends = np.linspace(0, self.measured.shape[1], 4).astype(int).tolist()
+        return [self.part(start, stop) for start, stop in pairwise(ends)]
+
+    def products(self, cutoff_hz: float | None) -> Products:
+        """Products behind the filter of the accelerometer.
 
         Parameters
         ----------
         cutoff_hz
-            Of the low-pass that stands for the filter of the accelerometer; ``None`` without one.
-        chosen
-            Names of columns; all by default.
+            Of the low-pass that stands for an unknown filter; ``None`` without one.
         """
-        rows, measured = self._spectra
-        if chosen is not None:
-            rows = rows[[self.names.index(name) for name in chosen]]
-        passed = rows * self._response(cutoff_hz)
-        split = np.concatenate([passed.real, passed.imag], axis=-1)
+        rows, measured, hz = self._spectra
+        passed = rows * self._response(hz, cutoff_hz)
+        split = np.concatenate([passed.real, passed.imag], axis=-1).transpose(1, 0, 2)
         known = np.concatenate([measured.real, measured.imag], axis=-1)
         return Products(
-            np.einsum("iak,jak->aij", split, split, optimize=True),
-            np.einsum("iak,ak->ai", split, known),
+            split @ split.transpose(0, 2, 1),
+            (split @ known[:, :, None])[..., 0],
             (known**2).sum(axis=-1),
-            self.record.samples,
+            self.measured.shape[1],
         )
 
-    def filtered(self, cutoff_hz: float | None, chosen: Sequence[str] | None = None) -> FloatArray:
-        """Columns behind the filter of the accelerometer, sample by sample, shape ``(p, 3, n)``."""
-        places = slice(None) if chosen is None else [self.names.index(name) for name in chosen]
-        return through_sensor(self.columns[places], self.record, cutoff_hz)
-
     @cached_property
-    def _spectra(self) -> tuple[np.ndarray, np.ndarray]:
-        """Fourier coefficients up to 25 Hz of columns and measured, sums of squares being means over samples."""
+    def _spectra(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Fourier coefficients up to 25 Hz, whose squares add up to those of the samples; and their frequencies."""
         from scipy.signal.windows import tukey
 
-        samples = self.record.samples
-        window = tukey(samples, _TAPER)
-        kept = np.fft.rfftfreq(samples, 1.0 / self.record.sample_rate_hz) <= _KEPT_HZ
+        samples = self.measured.shape[1]
+        window = tukey(samples, min(1.0, _TAPER))
+        hz = np.asarray(np.fft.rfftfreq(samples, 1.0 / self.sample_rate_hz), dtype=np.float64)
+        kept = hz <= _KEPT_HZ
         scale = np.full(int(kept.sum()), np.sqrt(2.0 / samples))
         scale[0] = np.sqrt(1.0 / samples)
         rows = np.fft.rfft(self.columns * window, axis=-1)[..., kept] * scale
-        return rows, np.fft.rfft(self.record.force * window, axis=-1)[..., kept] * scale
+        return rows, np.fft.rfft(self.measured * window, axis=-1)[..., kept] * scale, hz[kept]
 
-    def _response(self, cutoff_hz: float | None) -> np.ndarray:
-        record = self.record
-        hz = np.asarray(np.fft.rfftfreq(record.samples, 1.0 / record.sample_rate_hz), dtype=np.float64)
-        hz = hz[hz <= _KEPT_HZ]
-        if record.accel_taps.size > 1:
-            turns = np.exp(-2j * np.pi * hz[:, None] / record.sample_rate_hz * np.arange(record.accel_taps.size))
-            return np.asarray(turns @ record.accel_taps)
-        return np.ones_like(hz) if cutoff_hz is None else low_pass_gain(hz, cutoff_hz)
-
-
-def low_pass_gain(hz: FloatArray, cutoff_hz: float) -> FloatArray:
-    """Gain of the low-pass that stands for an accelerometer's filter."""
-    return np.asarray(1.0 / (1.0 + (hz / cutoff_hz) ** (2 * FILTER_ORDER)))
+    def _response(self, hz: FloatArray, cutoff_hz: float | None) -> ComplexArray:
+        if self.taps.size > 1:
+            turns = np.exp(-2j * np.pi * hz[:, None] / self.taps_rate_hz * np.arange(self.taps.size))
+            return np.asarray(turns @ self.taps)
+        if cutoff_hz is None:
+            return np.ones(hz.size, dtype=np.complex128)
+        return np.asarray(1.0 / (1.0 + (hz / cutoff_hz) ** (2 * FILTER_ORDER)), dtype=np.complex128)
 
 
 def through_sensor(rows: FloatArray, record: MotorRecord, cutoff_hz: float | None) -> FloatArray:
@@ -138,54 +151,96 @@ def through_sensor(rows: FloatArray, record: MotorRecord, cutoff_hz: float | Non
     return np.asarray(sosfiltfilt(sections, rows, axis=-1))
 
 
+def thinned(rows: FloatArray, every: int) -> FloatArray:
+    """Means of so many samples each, a rest at the end left out."""
+    if every == 1:
+        return rows
+    kept = rows[..., : rows.shape[-1] // every * every]
+    return np.asarray(kept.reshape(*rows.shape[:-1], -1, every).mean(axis=-1))
+
+
+def thinning(record: MotorRecord) -> int:
+    """How many samples of a record become one."""
+    return max(1, int(record.sample_rate_hz / _LEAST_RATE_HZ))
+
+
 def force_rows(
-    record: MotorRecord, airframe: Airframe, driven: Motion, names: Sequence[str] = (*FORCE_TERMS, *PLACE)
+    record: MotorRecord,
+    airframe: Airframe,
+    driven: Motion,
+    thrust_by_speed: float,
+    names: Sequence[str] = (*FORCE_TERMS, *PLACE),
 ) -> ForceRows:
     """Columns of a record.
 
-    Raises
-    ------
-    InsufficientDataError
-        The record has no specific force along all axes.
+    Parameters
+    ----------
+    record
+        With specific force.
+    driven
+        What drives the model over it.
+    thrust_by_speed
+        About the thrust of a rotor over the square of its speed, N s²/rad², for its inflow.
+    names
+        Of the columns.
     """
-    if not record.force.shape[1]:
-        raise InsufficientDataError(f"{record.name} holds no specific force", needed="three accelerometers")
-    thrust = thrust_by_speed(record, airframe, driven.speeds) * driven.speeds**2
-    air = rotor_air(airframe, driven.velocity, driven.rates, thrust)
-    made = flight_columns(
-        tuple(name for name in names if name not in PLACE), airframe, driven.speeds, air, driven.velocity, driven.rates
-    )
-    places = place_columns(driven.rates, driven.acceleration)
+    every = thinning(record)
+    speeds, velocity, rates, acceleration = (thinned(rows, every) for rows in driven[:4])
+    air = rotor_air(airframe, velocity, rates, thrust_by_speed * speeds**2)
+    coefficients = tuple(name for name in names if name not in PLACE)
+    made = flight_columns(coefficients, airframe, speeds, air, velocity, rates)
+    places = place_columns(rates, acceleration)
     columns = [places[name] if name in PLACE else made[name].force / airframe.mass_kg for name in names]
-    return ForceRows(record=record, names=tuple(names), columns=np.stack(columns))
+    return ForceRows(
+        names=tuple(names),
+        columns=np.stack(columns),
+        measured=thinned(record.force, every),
+        sample_rate_hz=record.sample_rate_hz / every,
+        taps=record.accel_taps,
+        taps_rate_hz=record.sample_rate_hz,
+    )
 
 
-def thrust_by_speed(record: MotorRecord, airframe: Airframe, speeds: FloatArray) -> float:
-    """Thrust of a rotor over the square of its speed, N s²/rad², from the mean specific force: for its inflow."""
-    squares = float((speeds**2).sum(axis=0).mean())
-    return airframe.mass_kg * max(-float(record.force[2].mean()), 1.0) / max(squares, 1e-300)
+class Prior(NamedTuple):
+    """What is known of a coefficient before: about where, and how surely, as one standard deviation."""
+
+    mean: float
+    deviation: float
 
 
 def solved(
-    products: Products,
-    names: Sequence[str],
-    weights: FloatArray,
-    *,
-    priors: Mapping[str, tuple[float, float]] | None = None,
-) -> dict[str, float]:
-    """Coefficients of weighted least squares; priors (mean, deviation) count in units of the weighted residual."""
-    matrix = np.einsum("a,aij->ij", weights, products.columns)
-    right = weights @ products.measured
+    products: Products, names: Sequence[str], priors: Mapping[str, Prior] | None = None, *, together: float = 1.0
+) -> FloatArray:
+    """Coefficients of least squares of all three axes, shape ``(p,)``.
+
+    Parameters
+    ----------
+    products
+        Of the columns of these names.
+    priors
+        By name; they count as of data whose errors have the size that least squares leave.
+    together
+        Number of samples over which errors are alike, so that they count as one.
+    """
+    matrix, right = products.columns.sum(axis=0), products.measured.sum(axis=0)
+    plain = _solution(matrix, right)
+    if not priors:
+        return plain
+    variance = float(left_over(products, plain).sum()) / max(3 * products.samples, 1)
     for place, name in enumerate(names):
-        mean, deviation = (priors or {}).get(name, (0.0, np.inf))
-        matrix[place, place] += deviation**-2
-        right[place] += mean * deviation**-2
+        if name in priors:
+            weight = variance * together / priors[name].deviation ** 2
+            matrix[place, place] += weight
+            right[place] += weight * priors[name].mean
+    return _solution(matrix, right)
+
+
+def _solution(matrix: FloatArray, right: FloatArray) -> FloatArray:
     size = np.sqrt(np.maximum(matrix.diagonal(), 1e-300))
-    found = np.linalg.lstsq(matrix / np.outer(size, size), right / size, rcond=1e-10)[0] / size
-    return dict(zip(names, map(float, found), strict=True))
+    return np.asarray(np.linalg.lstsq(matrix / np.outer(size, size), right / size, rcond=1e-10)[0] / size)
 
 
-def squares(products: Products, values: FloatArray) -> FloatArray:
-    """Sum of squares that values leave on each axis, shape ``(3,)``."""
+def left_over(products: Products, values: FloatArray) -> FloatArray:
+    """Sum of squares that values leave on each axis, (m/s²)², shape ``(3,)``."""
     left = np.einsum("i,aij,j->a", values, products.columns, values) - 2.0 * products.measured @ values
     return np.asarray(np.maximum(left + products.square, 0.0))
