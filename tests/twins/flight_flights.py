@@ -149,7 +149,7 @@ def craft_of(vehicle: str, motors: Motors, terms: Terms = "basic") -> tuple[Airc
         "I_zz": float(body.inertia_kg_m2[2, 2]),
         "kappa": kappa * (1.0 - air.lost),
         "J_r": air.rotor_kg_m2 * FULL_RAD_S[vehicle] / full,
-        "m_f": air.pitching_1_m_s * float(body.inertia_kg_m2[1, 1]) / (rotors.layout.rotors * hover_m_s),
+        "m_f": 2.0 * air.pitching_1_m_s * float(body.inertia_kg_m2[1, 1]) / (rotors.layout.rotors * share * full),
     }
     if terms == "full":
         values |= {

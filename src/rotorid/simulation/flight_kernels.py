@@ -42,6 +42,7 @@ from rotorid.typing import FloatArray
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
+_STILL_M_S = 1e-6
 _NEWTON_STEPS, _LEAST_SLOPE = 12, 0.3
 """At most, and the least slope: in the vortex ring state momentum theory has none that leads anywhere."""
 _SOLVED = 1e-9
@@ -136,8 +137,10 @@ def derivative(
                 thrust += edge * body.edge_speed_lift * np.sqrt(climb * climb)
                 thrust += body.wake * (rx * ui + ry * vi) * climb
                 drag -= body.climb_drag * climb
-                L += body.side_flapping[i] * x * ui - body.flapping * lam * vi
-                M += body.side_flapping[i] * x * vi + body.flapping * lam * ui
+                through = lam if lam.real >= 0.0 else -lam
+                tilting = body.flapping * x * induced / (through + np.sqrt(across + lam * lam) + _STILL_M_S)
+                L += body.side_flapping[i] * x * ui - tilting * vi
+                M += body.side_flapping[i] * x * vi + tilting * ui
                 N -= body.yaw_damping * x * r
             if body.inclined:
                 across = ui * ui + vi * vi

@@ -75,8 +75,8 @@ class RotorFlow(Immutable):
         Thrust by :math:`(r_i \cdot h_i) c_i`.
     climb_drag_n_s2_m2
         Drag across the rotor by :math:`c_i`, in addition to the induced drag.
-    flapping_n_s2_m
-        Moment that tilts back, by :math:`\lambda_i h_i`.
+    flapping_n_s
+        Moment that tilts back, by :math:`x_i v_{ind} h_i / (|\lambda_i| + \sqrt{h_i^2 + \lambda_i^2})`.
     side_flapping_n_s
         Moment to the side of the rotor's turn, by :math:`x_i h_i`.
     inflow_torque_n_s2_m
@@ -92,7 +92,7 @@ class RotorFlow(Immutable):
     edge_speed_lift_n_s2_m2: float = 0.0
     wake_n_s2_m3: float = 0.0
     climb_drag_n_s2_m2: float = 0.0
-    flapping_n_s2_m: float = 0.0
+    flapping_n_s: float = 0.0
     side_flapping_n_s: float = 0.0
     inflow_torque_n_s2_m: float = 0.0
     yaw_damping_n_m_s: float = 0.0
@@ -414,7 +414,7 @@ class Multirotor(Immutable):
             edge_speed_lift=float(flow.edge_speed_lift_n_s2_m2),
             wake=float(flow.wake_n_s2_m3),
             climb_drag=float(flow.climb_drag_n_s2_m2),
-            flapping=float(flow.flapping_n_s2_m),
+            flapping=float(flow.flapping_n_s),
             side_flapping=plain(flow.side_flapping_n_s * layout.spins),
             inflow_torque=float(flow.inflow_torque_n_s2_m),
             yaw_damping=float(flow.yaw_damping_n_m_s),

@@ -83,7 +83,7 @@ def test_the_file_in_the_docs_flies() -> None:
 
 def test_moving_air_comes_back_from_a_file() -> None:
     craft = aircraft("forward_quad")
-    flow = RotorFlow(disc_m2=0.05, flapping_n_s2_m=0.001, wake_n_s2_m3=-0.02)
+    flow = RotorFlow(disc_m2=0.05, flapping_n_s=0.001, wake_n_s2_m3=-0.02)
     rotors = replace(craft.vehicle.rotors, flow=flow)
     flying = replace(craft, vehicle=replace(craft.vehicle, rotors=rotors, vertical_drag_n_s2_m2=0.01))
     text = vehicle_toml(replace(VEHICLES["forward_quad"], make=lambda: flying))

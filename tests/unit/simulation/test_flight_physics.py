@@ -46,7 +46,7 @@ OF_SHARES = {
     "k_r": 0.002,
 }
 FULL_RAD_S = 900.0
-PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_s": 1, "k_r": 1}
+PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_f": 1, "m_s": 1, "k_r": 1}
 OF_SPEEDS = {name: value / FULL_RAD_S ** PER_SPEED.get(name, 0) for name, value in OF_SHARES.items()}
 FORMS = pytest.mark.parametrize(("values", "full"), [(OF_SHARES, 1.0), (OF_SPEEDS, FULL_RAD_S)])
 
