@@ -329,24 +329,26 @@ def moment_error(
 
 
 def motor_lag(records: Sequence[MotorRecord], airframe: Airframe) -> MotorFit | None:
-    """Lag, delay and curve of motors known by their outputs, as ``physical.motors`` finds them from roll and pitch.
+    """Lag and delay of motors known by their outputs, as ``physical.motors`` finds them from roll and pitch.
 
-    ``None`` where motors explain neither.
+    Thrust by the square of the output is near enough for a lag, and its scale goes into inertia, which is fitted again
+    with thrust in moving air. ``None`` where motors explain neither.
     """
     levers = _levers(airframe)
-    posed = MotorProblem(
-        records=tuple(records),
-        levers=levers,
-        parameters=motor_parameters(curve="quadratic", known={"m": airframe.mass_kg}, axes=("az", "p", "q")),
-        axes=("az", "p", "q"),
-    )
-    axes = tuple(axis for axis in excited_axes(posed.excitations) if axis in "pq")
+    # Without specific force, so that axes are looked for in octaves although thrust is shown by slow motion.
+    turning = [replace(record, az=np.zeros(record.samples)) for record in records]
+    axes = tuple(axis for axis in excited_axes(excitations(turning, levers)) if axis in "pq")
     if not axes or min(record.samples for record in records) < LEAST_SAMPLES:
         return None
-    heave = all(record.w.size for record in records)
-    known = {"m": airframe.mass_kg}
-    parameters = motor_parameters(curve="quadratic", known=known, axes=("az", *axes), heave_damping=heave)
-    return fit_motors(replace(posed, axes=("weight", *axes), filters=(), parameters=parameters))
+    known = {"m": airframe.mass_kg, "c_2": float(np.mean([_square_thrust(record, airframe) for record in records]))}
+    parameters = motor_parameters(curve="quadratic", known=known, axes=axes, earliest_s=_EARLIEST_S)
+    return fit_motors(MotorProblem(records=tuple(turning), levers=levers, parameters=parameters, axes=axes))
+
+
+def _square_thrust(record: MotorRecord, airframe: Airframe) -> float:
+    """Thrust of a rotor by the square of its output that makes the mean specific force, N."""
+    squares = float((record.outputs**2 * record.strength).sum(axis=0).mean())
+    return airframe.mass_kg * max(-float(record.az.mean()), 1.0) / max(squares, 1e-300)
 
 
 def _levers(airframe: Airframe) -> FloatArray:
