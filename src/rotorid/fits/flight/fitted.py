@@ -135,8 +135,8 @@ class FittedFlight(Immutable):
     @property
     def axes(self) -> tuple[str, ...]:
         """Rates whose inertia was identified."""
-        inertia = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
-        return tuple(axis for axis in RATES if inertia[axis] in self.parameters.names)
+        needed = {"p": {"I_xx"}, "q": {"I_yy"}, "r": {"I_zz", "kappa"}}
+        return tuple(axis for axis in RATES if needed[axis] <= set(self.parameters.names))
 
     @cached_property
     def predicted(self) -> tuple[Predicted, ...]:
@@ -251,6 +251,9 @@ def fitted_parameters(data: FlightMotion, fit: FlightFit, known: Mapping[str, fl
     """The values of a fit with units and status, in the order of tables."""
     units = flight_units(scaled=data.given.scaled, speeds=data.kind == "speed")
     values = {**known, **fit.values, "m": data.given.airframe.mass_kg}
+    if not {"kappa", "I_zz"} <= set(values):
+        # One of them alone moves nothing.
+        values = {name: value for name, value in values.items() if name not in ("kappa", "I_zz", "J_r")}
     return ParameterSet(
         [
             Parameter(
