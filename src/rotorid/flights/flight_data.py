@@ -7,7 +7,8 @@ estimator without aid, and counts as not logged.
 
 Stamps are compared once more: measured speeds against the gyro (:mod:`rotorid.flights.motor_stamps`), of which the skew
 goes into the fit. Of outputs, the skew contains the lag of the motors, so that only differences between logs are one.
-A log whose motors have no relation to its motion is refused.
+A log whose motors have no relation to its motion is refused. A velocity that is surely late is moved ahead
+(:mod:`rotorid.flights.velocity_stamps`).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from rotorid.flights.motor_data import Channels, MotorData, Reading, Stretches, 
 from rotorid.flights.motor_stamps import MotorSkew, motor_skew
 from rotorid.flights.segments import is_logged
 from rotorid.flights.supports import SHORTEST_FLIGHT_S
+from rotorid.flights.velocity_stamps import prompt_velocity
 from rotorid.models.flight import AIR_DENSITY_KG_M3, FLIGHT_PARAMETERS, Airframe
 from rotorid.models.rotors import RotorLayout
 from rotorid.settings.motors import MotorSettings
@@ -161,9 +163,15 @@ def flight_data(
     UsageError
         Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
+    prompt = [prompt_velocity(record) for record in records]
     motors = motor_data(
-        records, choices, reference_v=reference_v, layout=layout, reading=Reading(flown_stretches, _channels)
+        [record for record, _ in prompt],
+        choices,
+        reference_v=reference_v,
+        layout=layout,
+        reading=Reading(flown_stretches, _channels),
     )
+    motors = motors._replace(findings=(*motors.findings, *(finding for _, late in prompt for finding in late)))
     return FlightMotion(motors, given_airframe(motors.layout, choices), _skews(motors))
 
 

@@ -75,6 +75,17 @@ def motors_still(record: FlightRecord, band_hz: tuple[float, float]) -> Insuffic
     return _refused("no_excitation", "motors", came, "motors that turn the vehicle", remedy, {})
 
 
+def motors_explain_too_little(
+    record: FlightRecord, correlation: Mapping[str, float], needed: float
+) -> InsufficientDataError:
+    """The error of motors that act on the motion, but less than gusts and noise do."""
+    values = " and ".join(f"{value:.2f} in {axis}" for axis, value in correlation.items())
+    came = f"the motors of {record.source.name} explain too little of its motion (correlation {values})"
+    numbers = {f"correlation_{axis}": value for axis, value in correlation.items()}
+    remedy = "fly quicker roll and pitch movements"
+    return _refused("no_excitation", "motors", came, f"a correlation of {needed:g} in one axis", remedy, numbers)
+
+
 def wind_or_bias(turned_rad: float, where: str) -> tuple[Finding, ...]:
     """A warning where the heading turned too little to separate wind from a bias of the accelerometer.
 

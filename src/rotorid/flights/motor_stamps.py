@@ -36,7 +36,12 @@ from rotorid.data.quantity import Quantity, milliseconds
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.consistency import filter_lag
-from rotorid.flights.flight_faults import logged_too_slowly, motors_out_of_step, motors_still
+from rotorid.flights.flight_faults import (
+    logged_too_slowly,
+    motors_explain_too_little,
+    motors_out_of_step,
+    motors_still,
+)
 from rotorid.flights.motor_band import (
     BAND_HZ,
     BLOCK_S,
@@ -228,7 +233,7 @@ def motor_skew(record: FlightRecord, layout: RotorLayout, *, intervals: Interval
         raise motors_out_of_step(record, correlation, _far(bands, torques))
     explained = [axis for axis in _AXES if correlation[axis] >= LEAST_CORRELATION]
     if not explained:
-        raise motors_out_of_step(record, correlation, None)
+        raise motors_explain_too_little(record, correlation, LEAST_CORRELATION)
     by_axis = {axis: _with_feedback(lags[axis]) for axis in explained}
     return MotorSkew(
         late_s=together(by_axis.values()),

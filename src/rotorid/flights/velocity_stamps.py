@@ -14,7 +14,7 @@ delay is searched from several starts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord, Intervals, TimeHistory
+from rotorid.data.record import FlightRecord, Intervals, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flight_faults import velocity_late
+from rotorid.flights.motor_band import flights_off_ground
 from rotorid.frames import body_to_earth
 from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import ACCELERATIONS, EARTH_VELOCITIES, VELOCITIES, derivative
@@ -40,6 +41,9 @@ _LONGEST_S = 0.5
 _LEAST_S, _BLOCK_S = 10.0, 4.0
 _LEAST_CORRELATION = 0.6
 _ROUNDS = 3
+_LEAST_DELAY_S, _SURE = 0.02, 3.0
+"""Delay, and its standard deviations, from which a velocity is moved."""
+
 _AXES = ("north", "east", "down")
 
 
@@ -125,6 +129,35 @@ def velocity_delay(record: FlightRecord, stretches: Intervals) -> VelocityDelay:
             remedy="fly back and forth at 1 m/s and more",
         )
     return VelocityDelay(late_s=together(by_axis.values()), by_axis=by_axis, correlation=correlation)
+
+
+def prompt_velocity(record: FlightRecord) -> tuple[FlightRecord, tuple[Finding, ...]]:
+    """A log whose velocity is stamped when it was, and a warning where the delay changes drag.
+
+    The log as it is where its velocity is not surely late, or nothing shows whether it is.
+    """
+    try:
+        found = velocity_delay(record, flights_off_ground(record))
+    except InsufficientDataError:
+        return record, ()
+    late_s = found.late_s.value
+    if abs(late_s) < max(_LEAST_DELAY_S, _SURE * found.late_s.std):
+        return record, ()
+    return _shifted(record, -late_s), found.findings(record.source.name)
+
+
+def _shifted(record: FlightRecord, seconds: float) -> FlightRecord:
+    """A log with other stamps of its velocities."""
+    topics: list[Topic] = []
+    for topic in record.topics:
+        moved = [channel.name in (*EARTH_VELOCITIES, *VELOCITIES) for channel in topic.channels]
+        for rows, shift_s in ((np.flatnonzero(moved), seconds), (np.flatnonzero(np.logical_not(moved)), 0.0)):
+            if rows.size:
+                channels = tuple(topic.channels[row] for row in rows)
+                topics.append(
+                    replace(topic, time_s=topic.time_s + shift_s, channels=channels, values=topic.values[rows])
+                )
+    return replace(record, topics=tuple(topics))
 
 
 def _velocities(record: FlightRecord) -> tuple[str, ...]:

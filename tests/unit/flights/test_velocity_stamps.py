@@ -11,7 +11,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flight_faults import velocity_late, wind_or_bias
-from rotorid.flights.velocity_stamps import VelocityDelay, velocity_delay
+from rotorid.flights.velocity_stamps import VelocityDelay, prompt_velocity, velocity_delay
 from rotorid.frames import body_to_earth, earth_to_body
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -101,3 +101,12 @@ def test_wind_and_bias_need_a_turn_of_the_heading() -> None:
     (finding,) = wind_or_bias(np.radians(20.0), "flight")
     assert (finding.kind, finding.severity) == ("wind_or_bias", "warning")
     assert "turned by 20°" in finding.message
+
+
+def test_a_late_velocity_is_moved_and_a_prompt_one_is_left() -> None:
+    late, prompt = a_flight(0.11), a_flight(0.0)
+    moved, findings = prompt_velocity(late)
+    assert [finding.kind for finding in findings] == ["velocity_late"]
+    assert delay_of(moved).late_s.value == pytest.approx(0.0, abs=5e-3)
+    assert [topic.time_s.tolist() for topic in moved.topics[:2]] == [topic.time_s.tolist() for topic in late.topics[:2]]
+    assert prompt_velocity(prompt) == (prompt, ())
