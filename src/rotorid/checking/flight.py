@@ -39,7 +39,6 @@ from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorFlight, rotors_of
-from rotorid.flights.motor_stamps import motor_skew
 from rotorid.flights.selection import Selection, require_reached
 from rotorid.frames import euler_from_quaternion
 from rotorid.models.families import FLIGHT
@@ -119,8 +118,6 @@ class FlightPredictor(Immutable):
         What the fitted flights covered; ``None`` where that is not known.
     bands_hz
         Rate to the band in which the motors explain it: there its acceleration judges the model.
-    aligned
-        Whether the fit took out the skew between the clocks of motors and gyro.
     cutoff_hz
         Of the low-pass that stands for an unknown filter of the accelerometer.
     scaled
@@ -141,7 +138,6 @@ class FlightPredictor(Immutable):
     velocity: VelocityClass
     tested: FlightRange | None = None
     bands_hz: Mapping[str, tuple[float, float]]
-    aligned: bool = False
     cutoff_hz: float | None = None
     scaled: bool = True
     reference_v: float | None = None
@@ -160,7 +156,7 @@ class FlightPredictor(Immutable):
 
         def predict(record: FlightRecord) -> Predictions:
             data = self.data(record, settings.segments)
-            stretches = self._stretches(record, data)
+            stretches = self._stretches(data)
             checks = [self._verification(stretch) for stretch in stretches]
             said = [found for pair in zip(stretches, checks, strict=True) for found in _remarks(*pair)]
             return Predictions(
@@ -178,7 +174,7 @@ class FlightPredictor(Immutable):
                 Flight(record, replace(stretch.flight.maneuver, start_s=stretch.flight.record.start_s)),
                 fixed_score(_compared(self._verification(stretch))),
             )
-            for stretch in self._stretches(record, self.data(record, settings.segments))
+            for stretch in self._stretches(self.data(record, settings.segments))
         ]
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
@@ -186,7 +182,7 @@ class FlightPredictor(Immutable):
         data = self.data(record, settings.segments)
         length_s = settings.pieces_s or _PIECE_S
         simulated, said = [], [*data.findings]
-        for stretch in self._stretches(record, data):
+        for stretch in self._stretches(data):
             said += _beyond(stretch.flight, self._outside(stretch))
             simulated.append(self._simulation(stretch, length_s))
         message = (
@@ -226,24 +222,9 @@ class FlightPredictor(Immutable):
             )
         return data
 
-    def _stretches(self, record: FlightRecord, data: FlightMotion) -> list[_Stretch]:
-        found = []
-        for flight in data.motors.stretches:
-            skew_s = self._skew_s(record, flight)
-            found.append(self.judged(flight, skew_s=skew_s, wind=None))
-        return found
-
-    def _skew_s(self, record: FlightRecord, flight: MotorFlight) -> float:
-        """How much earlier the motors are stamped than the motion; zero where the flight does not show it."""
-        if not self.aligned or self.kind != "speed":
-            return 0.0
-        try:
-            span = ((flight.record.start_s, float(flight.record.time_s[-1])),)
-            return motor_skew(record, self.layout, intervals=span).late_s.value
-        except InsufficientDataError as error:
-            if any(finding.kind == "motor_stamps" for finding in error.findings):
-                raise
-            return 0.0
+    def _stretches(self, data: FlightMotion) -> list[_Stretch]:
+        pairs = zip(data.motors.stretches, data.skews_s, strict=True)
+        return [self.judged(flight, skew_s=skew_s, wind=None) for flight, skew_s in pairs]
 
     def judged(self, flight: MotorFlight, *, skew_s: float, wind: FloatArray | None) -> _Stretch:
         """A stretch with the loads that the model makes of it."""
@@ -288,7 +269,7 @@ class FlightPredictor(Immutable):
                 outside=outside,
                 ahead=self._ahead(stretch),
                 wind=None if stretch.wind is None else (float(stretch.wind[0]), float(stretch.wind[1])),
-                skew_s=stretch.skew_s if self.aligned else None,
+                skew_s=stretch.skew_s,
             ),
         )
 
@@ -511,7 +492,6 @@ def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
                 for octave in air.get("octaves") or ()
                 if octave["fitted"]
             ),
-            aligned=any(log["skew_s"] for log in air.get("logs") or ()),
             cutoff_hz=air.get("cutoff_hz"),
             scaled=motors["scale"] is not None,
             reference_v=motors.get("reference_v"),

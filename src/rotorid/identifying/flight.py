@@ -71,7 +71,6 @@ class Flights:
             bands_hz=torque_bands(
                 [(octave.axis, octave.low_hz, octave.high_hz) for octave in fit.octaves if octave.kept]
             ),
-            aligned=bool(np.any(fit.skews_s)),
             cutoff_hz=fit.cutoff_hz,
             scaled=data.given.scaled,
             reference_v=data.motors.reference_v,

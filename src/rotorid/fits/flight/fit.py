@@ -110,7 +110,8 @@ def _require_physics(fitted: FittedFlight) -> None:
 def _impossible(fitted: FittedFlight) -> Iterator[Finding]:
     values = fitted.parameters.values
     for name in ("I_xx", "I_yy", "I_zz", "kappa", "J_r"):
-        if values.get(name, 1.0) <= 0.0:
+        # Spin-up that no flight shows is bounded by zero.
+        if values.get(name, 1.0) < 0.0 or (values.get(name) == 0.0 and name != "J_r"):
             message = f"{name} = {values[name]:.3g} {fitted.parameters[name].unit} is not positive."
             yield refusal("impossible_physics", name, message, value=values[name])
     for finding in mean_force_findings(fitted):
