@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.sources import nodes
+
 ROOT = Path(__file__).resolve().parents[1]
 
 FORBIDDEN = {
@@ -61,11 +63,10 @@ def _literal(node: ast.expr) -> str | None:
 
 def _of_python(path: Path) -> Iterator[Phrase]:
     """Strings of two words and more that are no docstring."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
-    inner -= {id(node) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)}
-    inner |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    inner = {id(part) for node in nodes(path) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
+    inner -= {id(node) for node in nodes(path) if isinstance(node, ast.JoinedStr)}
+    inner |= {id(node.value) for node in nodes(path) if isinstance(node, ast.Expr)}
+    for node in nodes(path):
         if id(node) in inner or not isinstance(node, ast.expr):
             continue
         text = _literal(node)

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from tests.sources import nodes, syntax
 
 import rotorid
 from rotorid.models import families
@@ -56,7 +57,7 @@ def _module(path: Path) -> str:
 
 @cache
 def _trees() -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+    return {path: syntax(path) for path in sorted(SOURCE.rglob("*.py"))}
 
 
 @cache
@@ -99,7 +100,7 @@ def _imported(path: Path) -> tuple[tuple[str, str, str], ...]:
     """Module, name and name in the file of everything that a file imports by name."""
     return tuple(
         (node.module or "", alias.name, alias.asname or alias.name)
-        for node in ast.walk(_trees()[path])
+        for node in nodes(path)
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     )

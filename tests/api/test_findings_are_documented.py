@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.docs.findings_table import PAGE, findings_table, refilled
+from tests.sources import nodes
 
 from rotorid.data.findings import KINDS
 
@@ -22,7 +23,7 @@ def constructors(function: ast.expr) -> bool:
 
 def kinds_in(path: Path) -> Iterator[str]:
     """Kinds that stand as words in calls of the constructors."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Call) and node.args and constructors(node.func):
             first = node.args[0]
             choices = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]

@@ -8,6 +8,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from tests.sources import syntax
 
 import rotorid
 
@@ -30,7 +31,7 @@ def imports(node: ast.AST) -> Iterator[str]:
 
 
 def test_no_module_imports_what_imports_it() -> None:
-    graph = {name: set(imports(ast.parse(path.read_text("utf-8")))) for name, path in MODULES.items()}
+    graph = {name: set(imports(syntax(path))) for name, path in MODULES.items()}
     assert sum(map(len, graph.values())) > 1000
     try:
         TopologicalSorter(graph).prepare()

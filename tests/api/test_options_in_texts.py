@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.sources import nodes
 
 from rotorid.cli.app import Commands
 from rotorid.settings.verbs import OPTION, VERBS, with_verbs
@@ -40,9 +41,8 @@ def options() -> dict[str, set[str]]:
 def named_options() -> Iterator[tuple[str, str]]:
     """Each option in a text of the source, docstrings aside, with its place."""
     for path in SOURCE.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        silent = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
+        silent = {id(node.value) for node in nodes(path) if isinstance(node, ast.Expr)}
+        for node in nodes(path):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in silent:
                 for option in OPTION.findall(node.value):
                     if option != node.value.strip():

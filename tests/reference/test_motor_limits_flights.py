@@ -39,6 +39,18 @@ parameters of the log give. The right answer for the limit cycles is 98 and 98.8
 28 % of the flight, and the tune at its end, between bounces. The beast loses control at 369.2 s, before any motor is at
 a limit for long: what follows is no flight."""
 
+STUDIED = frozenset(
+    {
+        "ardupilot_sitl/x_calm_verify.BIN.xz",
+        "real_stacks/ap_x_wind_ordinary_hard.BIN.xz",
+        "real_stacks/ap_x_wind_ordinary_soft.BIN.xz",
+        "everyday/betaflight_431_freestyle.bbl.xz",
+        "everyday/arducopter_462_log_5.bin.xz",
+        "everyday/px4_115_s500.ulg.xz",
+    }
+)
+"""Logs of autopilots and shares that others have too: the studies look at them."""
+
 CYCLES = [name for name in SHARES if "limit_cycle" in name or "hard" in name]
 SILENT = [name for name in SHARES if SHARES[name][0] < 1e-3]
 
@@ -56,7 +68,9 @@ def read_log(unpacked: Callable[[str], Path]) -> Read:
     return log
 
 
-@pytest.mark.parametrize("name", SHARES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in STUDIED else name for name in SHARES]
+)
 def test_every_command_states_the_same_share(read_log: Read, name: str) -> None:
     record = read_log(name)
     limits = motor_limits(record)

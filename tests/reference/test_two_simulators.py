@@ -138,7 +138,18 @@ def name_of(sweep: Sweep) -> str:
     return f"{'px4' if sweep in PX4 else 'ardupilot'}-{sweep.axis}"
 
 
-@pytest.mark.parametrize("sweep", [*PX4, *ARDUPILOT], ids=name_of)
+ROUTINE = (PX4[0], PX4[3], ARDUPILOT[0])
+"""One axis of rotation of each simulator, and thrust; doublets of every axis are flown again each time, and in the
+studies the other sweeps too."""
+
+
+def marks(sweep: Sweep, *others: pytest.MarkDecorator) -> list[pytest.MarkDecorator]:
+    return [*others, *([] if sweep in ROUTINE else [pytest.mark.slow])]
+
+
+@pytest.mark.parametrize(
+    "sweep", [pytest.param(sweep, id=name_of(sweep), marks=marks(sweep)) for sweep in (*PX4, *ARDUPILOT)]
+)
 def test_responses_agree_where_the_log_knows_its_own(sweep: Sweep, flown_again: Callable[[Sweep], Difference]) -> None:
     """The bars where the log knows its own response to 2 %, elsewhere what chance allows beside them."""
     found = flown_again(sweep)
@@ -165,9 +176,14 @@ MISSED = {
         pytest.param(
             sweep,
             id=name_of(sweep),
-            marks=[pytest.mark.xfail(strict=True, raises=AssertionError, reason=MISSED[name_of(sweep)])]
-            if name_of(sweep) in MISSED
-            else [],
+            marks=marks(
+                sweep,
+                *(
+                    [pytest.mark.xfail(strict=True, raises=AssertionError, reason=MISSED[name_of(sweep)])]
+                    if name_of(sweep) in MISSED
+                    else []
+                ),
+            ),
         )
         for sweep in (*PX4, *ARDUPILOT)
     ],

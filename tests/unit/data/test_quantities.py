@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.sources import nodes
 from tests.unit.report.made_reviews import made_review
 
 import rotorid
@@ -72,10 +73,9 @@ def test_no_other_module_says_what_a_figure_is_called() -> None:
 
 def _tables(path: Path) -> list[int]:
     """Lines of dictionaries by two or more figures whose values hold words."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     return [
         node.lineno
-        for node in ast.walk(tree)
+        for node in nodes(path)
         if isinstance(node, ast.Dict)
         and sum(_is_figure(key) for key in node.keys) > 1
         and any(_words(value) for value in node.values)

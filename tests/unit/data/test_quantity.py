@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.sources import nodes
 
 import rotorid
 from rotorid.data.quantity import beyond, error_columns, rounded_ends, with_ends, with_error, with_half, with_interval
@@ -62,7 +63,7 @@ def test_no_module_rounds_an_uncertainty_by_a_rule_of_its_own() -> None:
 def _rounded(path: Path) -> list[int]:
     """Lines of texts in which a number with digits of its own follows ±."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.JoinedStr):
             for before, after in zip(node.values, node.values[1:], strict=False):
                 if (
