@@ -168,19 +168,23 @@ class LabPage:
 
 
 def example_log(factory: pytest.TempPathFactory) -> Path:
-    """The example of PX4, with two axes and half as long; flown once for all tests."""
+    """The example of PX4, with two axes and half as long; flown once for all workers."""
     from rotorid.flying.examples import example_named
     from rotorid.report.files import write_simulation
 
-    folder = factory.getbasetemp() / "lab-example"
+    base = factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "lab-example"
     log = folder / "flight.ulg"
     if not log.is_file():
         whole = example_named("px4")
         axes = ("roll", "pitch")
         sweeps, doublets = ({axis: sizes[axis] for axis in axes} for sizes in (whole.sweeps, whole.doublets))
-        folder.mkdir()
         half = replace(whole, sweeps=sweeps, doublets=doublets, duration_s=20.0)
-        write_simulation(folder, half.choices(), command="example")
+        made = factory.mktemp("lab-example")
+        write_simulation(made, half.choices(), command="example")
+        # Another worker may have made it meanwhile: the same bytes.
+        folder.mkdir(exist_ok=True)
+        (made / log.name).rename(log)
     return log
 
 
