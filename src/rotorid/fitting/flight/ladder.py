@@ -1,9 +1,10 @@
 r"""The fit of force: what enters, which lags and filters, which wind, by the error of data that were not fitted.
 
-Every fit has ``c_2``, ``c_lambda``, ``k_d`` and the place of the accelerometer, as far as the flights show them. Then
-terms are tried one after the other, in the order of a ladder, and stay if they lower the error of data that were not
-fitted by a hundredth: one record after the other is left out, or thirds of the only one. The lag of thrust is found
-anew for every fold, so that it pays for itself like a coefficient.
+Every fit has ``c_2``, ``c_lambda``, ``k_d``, the place of the accelerometer and the lag of thrust, as far as the flights
+show them; motors that are known by outputs have a lag and a curve in its place. Then terms are tried one after the
+other, in the order of a ladder. They stay if they lower the error of data that were not fitted by a hundredth, both
+where thirds of every record and where whole records are left out in turn: thirds alone let in what differs from flight
+to flight, whole records alone what one flight of two cannot show.
 
 Where vertical speed and load hardly changed, thrust without inflow and what inflow takes are one number, and their
 ratio is that of a usual propeller: ``c_lambda`` is tied. Where airspeed hardly changed, there is no drag to find.
@@ -13,9 +14,9 @@ The wind of a record is what drag needs to have no mean over the earth:
 .. math:: W \leftarrow W + \arg\min_{\Delta} \sum \left|r_{xy} - \tfrac{1}{m} k_d \sum_i \Omega_i \,
     (R^T \Delta)_{xy}\right|^2
 
-with the residual r of the specific force, five times over. A bias of the accelerometer is the same in body axes, and
-counts as zero within 0.05 m/s²: where the heading turns by less than a quarter of a circle, wind is no better known
-than that.
+with the residual r of the specific force, five times over. Winds too stay only if they lower the error of data that were
+not fitted, since there is none in a room. A bias of the accelerometer is the same in body axes, and counts as zero
+within 0.05 m/s²: where the heading turns by less than a quarter of a circle, wind is no better known than that.
 """
 
 from __future__ import annotations
@@ -165,10 +166,12 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
     if not search.measured:
         search.find_outputs()
     search.settle()
-    if search.measured and "T_thrust" not in choices.known:
+    if search.lags:
         search.seek("T_thrust", _LAGS_S)
         search.settle()
     ladder = []
+    if choices.wind and "k_d" in search.names:
+        ladder.append(search.wind_rung())
     for term in LADDER:
         if search.tried(term):
             why = search.unseen(term)
@@ -176,7 +179,7 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
                 search.missing[term] = why
             else:
                 ladder.append(search.rung(term))
-    entered = tuple(term for rung in ladder if rung.entered for term in rung.terms)
+    entered = tuple(term for rung in ladder if rung.entered for term in rung.terms if term in LADDER)
     search.settle()
     return ForceFit(
         values=search.values,
@@ -203,7 +206,7 @@ class _Search:
         self.square = 1.0
         """Share of the thrust curve that is a square of the output."""
         self.cutoff_hz = choices.cutoff_hz
-        self.winds = np.full((len(records), 2), 0.0 if choices.wind else np.nan)
+        self.winds = np.full((len(records), 2), np.nan)
         speeds = [moved.speeds for moved in self.driven()]
         weight = [airframe.mass_kg * max(-float(record.force[2].mean()), 1.0) for record in records]
         squares = [max(float((rows**2).sum(axis=0).mean()), 1e-300) for rows in speeds]
@@ -211,6 +214,17 @@ class _Search:
         self.speed = float(np.mean([rows.mean() for rows in speeds]))
         seconds = sum(record.duration_s for record in records)
         self.samples_together = _TOGETHER_S * sum(rows.measured.shape[1] for rows in self.rows(("c_2",))) / seconds
+
+    @property
+    def windy(self) -> bool:
+        """Whether each record has a wind."""
+        return bool(np.isfinite(self.winds).all())
+
+    @property
+    def lags(self) -> bool:
+        """Whether the lag of thrust is sought: where it is not a part of a lag of motors that force alone shows."""
+        known = self.choices.known
+        return "T_thrust" not in known and (self.measured or "T_motor" in known)
 
     # What the records show.
 
@@ -266,7 +280,7 @@ class _Search:
         found = [name for name in self.names if not (name == "c_lambda" and self.tied)]
         if not self.measured:
             found = ["c_1"] * (self.square < 1.0) + [n for n in found if n != "c_2" or self.square > 0.0]
-        found.append("T_thrust" if self.measured else "T_motor")
+        found.append("T_thrust" if self.lags else "T_motor")
         return tuple(name for name in found if name not in self.choices.known)
 
     # Columns, and their coefficients.
@@ -340,7 +354,7 @@ class _Search:
             rows = self.rows(self.names)
             found = self._filtered(rows)
             self._take(found)
-            if self.choices.wind:
+            if self.windy:
                 self._blow(rows, found)
             moved = np.abs(self.by_speed / before[1] - 1.0).max()
             if moved < _SETTLED and np.abs(np.nan_to_num(self.winds - before[0])).max() < _SETTLED_M_S:
@@ -392,7 +406,7 @@ class _Search:
     def wind_stds(self) -> FloatArray:
         """One standard deviation of the winds: blocks of two seconds, and the bias of the accelerometer."""
         stds = np.full((len(self.records), 2), np.nan)
-        if not self.choices.wind:
+        if not self.windy:
             return stds
         found = np.array([self.values[name] for name in self.names])
         found[self.names.index("c_2")] = full_thrust(self.values)
@@ -445,6 +459,18 @@ class _Search:
             lost += float(left_over(part, found).sum())
             samples += part.samples
         return self.airframe.mass_kg * float(np.sqrt(lost / samples))
+
+    def wind_rung(self) -> Rung:
+        """Whether a wind of each record lowers the error of thirds that were not fitted; indoors there is none."""
+        before = self._unseen_error(self._parts(self.names)[0], self.names)
+        self.winds = np.zeros((len(self.records), 2))
+        self.settle()
+        after = self._unseen_error(self._parts(self.names)[0], self.names)
+        entered = after < (1.0 - self.choices.least_gain) * before
+        if not entered:
+            self.winds = np.full((len(self.records), 2), np.nan)
+            self.settle()
+        return Rung(("wind",), before, after, entered, "" if entered else _NO_BETTER)
 
     def rung(self, term: str) -> Rung:
         """Whether a term lowers the error of data that were not fitted, whichever way they are left out."""
