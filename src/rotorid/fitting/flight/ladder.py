@@ -1,6 +1,6 @@
 r"""The fit of force: what enters, which lags and filters, which wind, by the error of data that were not fitted.
 
-Every fit has ``c_2``, ``c_lambda``, ``k_d``, the place of the accelerometer and the lag of thrust, as far as the flights
+Every fit has ``c_2``, ``c_lambda``, ``k_d``, the place of the accelerometer and the lag of thrust, as far as flights
 show them; motors that are known by outputs have a lag and a curve in its place. Then terms are tried one after the
 other, in the order of a ladder. They stay if they lower the error of data that were not fitted by a hundredth, both
 where thirds of every record and where whole records are left out in turn: thirds alone let in what differs from flight
@@ -14,8 +14,8 @@ The wind of a record is what drag needs to have no mean over the earth:
 .. math:: W \leftarrow W + \arg\min_{\Delta} \sum \left|r_{xy} - \tfrac{1}{m} k_d \sum_i \Omega_i \,
     (R^T \Delta)_{xy}\right|^2
 
-with the residual r of the specific force, five times over. Winds too stay only if they lower the error of data that were
-not fitted, since there is none in a room. A bias of the accelerometer is the same in body axes, and counts as zero
+with the residual r of the specific force, five times over. Winds too stay only if they lower the error of data that
+were not fitted, since there is none in a room. A bias of the accelerometer is the same in body axes, and counts as zero
 within 0.05 m/s²: where the heading turns by less than a quarter of a circle, wind is no better known than that.
 """
 
