@@ -59,6 +59,7 @@ _LEAST_EDGE_M_S = 1.0
 _LEAST_RATE_RAD_S, _LEAST_TURNING_RAD_S2 = 1.0, 1.0
 _POSITIVE = ("c_lambda", "k_d")
 _NO_BETTER = "data that were not fitted are no better"
+_SUPERFLUOUS = "later terms do the same"
 
 _LAGS_S = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.085, 0.11)
 _MOTOR_LAGS_S = (0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.19)
@@ -179,6 +180,7 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
                 search.missing[term] = why
             else:
                 ladder.append(search.rung(term))
+    ladder = search.pruned(ladder)
     entered = tuple(term for rung in ladder if rung.entered for term in rung.terms if term in LADDER)
     search.settle()
     return ForceFit(
@@ -475,16 +477,34 @@ class _Search:
     def rung(self, term: str) -> Rung:
         """Whether a term lowers the error of data that were not fitted, whichever way they are left out."""
         names = [*self.names, term]
-        fewer = np.eye(len(names))[:, :-1]
-        errors = [
-            (self._unseen_error([part.of(fewer) for part in parts], self.names), self._unseen_error(parts, names))
-            for parts in self._parts(names)
-        ]
-        before, after = max(errors, key=lambda pair: pair[1] / pair[0])
+        before, after = self._least_gain(names, term)
         entered = after < (1.0 - self.choices.least_gain) * before
         if entered:
             self.names = names
         return Rung((term,), before, after, entered, "" if entered else _NO_BETTER)
+
+    def pruned(self, ladder: Sequence[Rung]) -> list[Rung]:
+        """The ladder without terms that later ones have made superfluous."""
+        found = []
+        for rung in ladder:
+            (term, *_) = rung.terms
+            if rung.entered and term in LADDER:
+                before, after = self._least_gain(self.names, term)
+                if after >= (1.0 - self.choices.least_gain) * before:
+                    self.names = [name for name in self.names if name != term]
+                    rung = Rung(rung.terms, before, after, False, _SUPERFLUOUS)
+            found.append(rung)
+        return found
+
+    def _least_gain(self, names: Sequence[str], term: str) -> tuple[float, float]:
+        """Errors of unseen data without and with a term, the way of leaving data out that it gains least by."""
+        fewer = np.eye(len(names))[:, [place for place, name in enumerate(names) if name != term]]
+        others = [name for name in names if name != term]
+        errors = [
+            (self._unseen_error([part.of(fewer) for part in parts], others), self._unseen_error(parts, names))
+            for parts in self._parts(names)
+        ]
+        return max(errors, key=lambda pair: pair[1] / pair[0])
 
 
 def _curve(square: float) -> dict[str, float]:
