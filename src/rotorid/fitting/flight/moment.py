@@ -34,6 +34,7 @@ from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, ex
 from rotorid.fitting.motors.fit import LEAST_SAMPLES, MotorFit, fit_motors
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.flight import (
+    FLIGHT_PARAMETERS,
     HUB_TERMS,
     SIDE_TERMS,
     Air,
@@ -117,6 +118,29 @@ class MomentRung(NamedTuple):
     entered: bool
 
 
+class Alone(NamedTuple):
+    """What one record shows in the octaves in which motors explain it.
+
+    Parameters
+    ----------
+    values, stds
+        Of ``I_xx``, ``I_yy``, and over the inertia of yaw ``kappa_per_I_zz`` and ``h_per_I_zz``; deviations of white
+        errors.
+    delay_s
+        By which its rates follow moments; ``None`` where it shows no axis.
+    chains
+        Fits of roll and pitch, and of yaw.
+    octaves
+        How far motors explain each axis.
+    """
+
+    values: Mapping[str, float]
+    stds: Mapping[str, float]
+    delay_s: float | None
+    chains: tuple[MotorFit, ...]
+    octaves: tuple[Octave, ...]
+
+
 @dataclass(frozen=True, kw_only=True)
 class MomentChoices(Immutable):
     """What is decided before moments are fitted.
@@ -165,13 +189,15 @@ class MomentFit(Immutable):
     octaves
         How far the motors explain each axis by octave.
     delay_s
-        By which rates follow moments, sensors and stamps together.
+        By which rates follow moments, sensors and stamps together, on average over the records.
     rms_nm
         Error of moment of each record over the axes that are known, root mean square of the length, ``(records,)``.
     axes_nm
         The same axis by axis, not a number where an axis is not known, shape ``(records, 3)``.
-    chains
-        Fits of the band: of roll and pitch, and of yaw.
+    alone
+        What each record shows in its band.
+    delays_s
+        By which rates of each record follow moments, shape ``(records,)``.
     predictor
         What predicts flights under this controller best, and is not the vehicle; empty where it was not wanted.
     """
@@ -186,7 +212,8 @@ class MomentFit(Immutable):
     delay_s: float
     rms_nm: FloatArray
     axes_nm: FloatArray
-    chains: tuple[MotorFit, ...]
+    alone: tuple[Alone, ...]
+    delays_s: FloatArray
     predictor: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -195,6 +222,7 @@ class MomentFit(Immutable):
             missing=self.missing,
             predictor=self.predictor,
             rms_nm=read_only(self.rms_nm, np.float64, ndim=1),
+            delays_s=read_only(self.delays_s, np.float64, ndim=1),
             axes_nm=read_only(self.axes_nm, np.float64, ndim=2),
         )
 
@@ -223,25 +251,31 @@ def fit_moments(
     """
     choices = choices or MomentChoices()
     known = {name: value for name, value in choices.known.items() if name in MOMENT_NUMBERS}
-    band = _in_band(records, airframe, driven, force, known)
-    values = {**force, **known, **band.values}
+    alone = [_in_band(record, airframe, moved, force, known) for record, moved in zip(records, driven, strict=True)]
+    shown, table = _mean(alone), _octaves(alone)
+    inertia = {name: value for name, value in shown.items() if name in INERTIA.values()}
+    values = {**force, **inertia, **known}
     assumed: tuple[str, ...] = ()
     if "I_zz" not in values and "kappa" not in values and {"I_xx", "I_yy"} <= values.keys():
         values["I_zz"], assumed = values["I_xx"] + values["I_yy"], ("I_zz",)
-    yaw = _yaw(band.chains, values, known)
-    values |= yaw
-    delay_s = next((chain.parameters["tau_gyro"].value for chain in band.chains), 0.0)
+    values |= _yaw(shown, values, known)
+    delays = np.array([np.nan if one.delay_s is None else one.delay_s for one in alone])
+    delay_s = float(np.nanmean(delays)) if np.isfinite(delays).any() else 0.0
+    delays = np.where(np.isfinite(delays), delays, delay_s)
     axes = [
         place
         for place, axis in enumerate(RATES)
         if INERTIA[axis] in values and (axis != "r" or {"kappa", "J_r"} & values.keys())
     ]
-    missing = {INERTIA[axis]: _why_not(axis, band.octaves) for axis in "pq" if INERTIA[axis] not in values}
+    missing = {INERTIA[axis]: _why_not(axis, table) for axis in "pq" if INERTIA[axis] not in values}
     if "kappa" not in values:
-        missing["kappa"] = _why_not("r", band.octaves)
+        missing["kappa"] = _why_not("r", table)
     air: dict[str, float] = {}
     ladder: tuple[MomentRung, ...] = ()
-    rows = [_rows(*pair, airframe, values, delay_s) for pair in zip(records, driven, strict=True)]
+    rows = [
+        _rows(record, moved, airframe, values, float(late))
+        for record, moved, late in zip(records, driven, delays, strict=True)
+    ]
     if axes:
         air, ladder = _climbed(rows, axes, choices, missing, fast=_fast(driven))
     left = [_rest(row, tuple(air), np.array(list(air.values()))) for row in rows]
@@ -257,11 +291,12 @@ def fit_moments(
         entered=tuple(air),
         ladder=ladder,
         missing=missing,
-        octaves=band.octaves,
+        octaves=table,
         delay_s=delay_s,
         rms_nm=np.sqrt(np.nansum(sizes**2, axis=1)),
         axes_nm=sizes,
-        chains=band.chains,
+        alone=tuple(alone),
+        delays_s=delays,
         predictor=_predictor(rows, axes) if choices.predictor and axes else {},
     )
 
@@ -411,54 +446,70 @@ def _free_rates(record: MotorRecord, inertia: FloatArray, known_nm: FloatArray) 
     return np.asarray(record.rates - np.cumsum(turned, axis=1) / record.sample_rate_hz)
 
 
-class _Band(NamedTuple):
-    """What the band gives: values, fits, and how far motors explain each axis by octave."""
-
-    values: dict[str, float]
-    chains: tuple[MotorFit, ...]
-    octaves: tuple[Octave, ...]
-
-
 def _in_band(
-    records: Sequence[MotorRecord],
-    airframe: Airframe,
-    driven: Sequence[Motion],
-    force: Mapping[str, float],
-    known: Mapping[str, float],
-) -> _Band:
+    record: MotorRecord, airframe: Airframe, moved: Motion, force: Mapping[str, float], known: Mapping[str, float]
+) -> Alone:
     """Inertia of roll and pitch, and yaw torque over its inertia, in the octaves that show them.
 
     Moments of rotor drag are known with the forces, and are taken out before as far as inertia is known: yaw comes
     after roll and pitch, which come twice where rotors are above or below the center of gravity.
     """
     levers, mass = _levers(airframe), {"m": airframe.mass_kg}
-    airs = [
-        rotor_air(airframe, moved.velocity, moved.rates, inflow_thrust(force, airframe, moved.speeds))
-        for moved in driven
-    ]
-    thrusts = [rotor_thrusts(force, airframe, moved.speeds, air) for moved, air in zip(driven, airs, strict=True)]
-    sides = [_side_moments(force, airframe, *pair) for pair in zip(driven, airs, strict=True)]
+    air = rotor_air(airframe, moved.velocity, moved.rates, inflow_thrust(force, airframe, moved.speeds))
+    thrust, side = rotor_thrusts(force, airframe, moved.speeds, air), _side_moments(force, airframe, moved, air)
 
-    def prepared(outputs: Sequence[FloatArray], values: Mapping[str, float]) -> list[MotorRecord]:
-        inertia = _matrix(values)
-        return [
-            _thinned(record, rows, _free_rates(record, inertia, side))
-            for record, rows, side in zip(records, outputs, sides, strict=True)
-        ]
+    def prepared(outputs: FloatArray, values: Mapping[str, float]) -> MotorRecord:
+        return _thinned(record, outputs, _free_rates(record, _matrix(values), side))
 
     values = {name: known[name] for name in ("I_xx", "I_yy", "I_zz") if name in known}
     turning = {name: value for name, value in values.items() if name != "I_zz"}
     for _ in range(2 if np.any(airframe.positions[:, 2]) else 1):
-        by_thrust = prepared(thrusts, values)
+        by_thrust = prepared(thrust, values)
         tilting = _chain(by_thrust, levers, ("p", "q"), "linear", mass | {"c_1": 1.0} | turning)
         if tilting is not None:
             free = [name for name in ("I_xx", "I_yy") if name in tilting.parameters.free]
             values |= {name: tilting.parameters[name].value for name in free}
     flat = {"I_zz": values["I_xx"] + values["I_yy"]} if {"I_xx", "I_yy"} <= values.keys() else {}
-    by_speed = prepared([moved.speeds for moved in driven], flat | values)
+    by_speed = prepared(moved.speeds, flat | values)
     yawing = _chain(by_speed, levers, ("r",), "quadratic", mass | {"c_2": full_thrust(force)})
-    rows = _table(by_thrust, levers, ("p", "q"), tilting) + _table(by_speed, levers, ("r",), yawing)
-    return _Band(values, tuple(chain for chain in (tilting, yawing) if chain is not None), rows)
+    chains = tuple(chain for chain in (tilting, yawing) if chain is not None)
+    found: dict[str, float] = {}
+    stds: dict[str, float] = {}
+    for chain in chains:
+        names = [name for name in chain.moving if name in _SCATTER]
+        found |= {name: chain.parameters[name].value for name in names}
+        spread = np.sqrt(np.diag(np.linalg.pinv(chain.solution.jacobian.T @ chain.solution.jacobian, hermitian=True)))
+        stds |= {name: float(spread[chain.parameters.free.index(name)]) for name in names}
+    table = _table(by_thrust, levers, ("p", "q"), tilting) + _table(by_speed, levers, ("r",), yawing)
+    return Alone(found, stds, chains[0].parameters["tau_gyro"].value if chains else None, chains, table)
+
+
+_SCATTER = {"I_xx": "I_xx", "I_yy": "I_yy", "kappa_per_I_zz": "kappa", SPIN_UP: "J_r"}
+"""Numbers of a record to those whose usual scatter between flights they have."""
+
+
+def _mean(records: Sequence[Alone]) -> dict[str, float]:
+    """Numbers of the vehicle: means over the records that show them.
+
+    Flights differ by more than their errors say, so that each counts by its error and by the usual scatter together.
+    """
+    found = {}
+    for name, usual in _SCATTER.items():
+        shown = [one for one in records if name in one.values and one.values[name] > 0.0]
+        if shown:
+            values, stds = (np.array([getattr(one, what)[name] for one in shown]) for what in ("values", "stds"))
+            scatter = FLIGHT_PARAMETERS[usual].scatter or 0.0
+            weights = 1.0 / (stds**2 + (scatter * values) ** 2)
+            found[name] = float(weights @ values / weights.sum())
+    return found
+
+
+def _octaves(records: Sequence[Alone]) -> tuple[Octave, ...]:
+    """How far motors explain each axis in the record that shows most."""
+    return tuple(
+        here[0]._replace(correlation=max(one.correlation for one in here), kept=any(one.kept for one in here))
+        for here in zip(*(one.octaves for one in records), strict=True)
+    )
 
 
 def _side_moments(force: Mapping[str, float], airframe: Airframe, moved: Motion, air: Air) -> FloatArray:
@@ -469,47 +520,40 @@ def _side_moments(force: Mapping[str, float], airframe: Airframe, moved: Motion,
 
 
 def _chain(
-    records: Sequence[MotorRecord],
-    levers: FloatArray,
-    wanted: tuple[str, ...],
-    curve: Curve,
-    known: Mapping[str, float],
+    record: MotorRecord, levers: FloatArray, wanted: tuple[str, ...], curve: Curve, known: Mapping[str, float]
 ) -> MotorFit | None:
     """The fit of some axes in the octaves that show them; ``None`` where none does."""
     yaw = "r" in wanted
-    found = excitations(records, levers, spin_up=yaw)
-    axes = tuple(axis for axis in excited_axes(found) if axis in wanted)
-    if not axes or min(record.samples for record in records) < LEAST_SAMPLES:
+    axes = tuple(axis for axis in excited_axes(excitations([record], levers, spin_up=yaw)) if axis in wanted)
+    if not axes or record.samples < LEAST_SAMPLES:
         return None
     unseen = {INERTIA[axis] for axis in wanted if axis not in axes}
     held = {name: value for name, value in known.items() if name not in unseen}
     parameters = motor_parameters(
         curve=curve, known=held, axes=axes, lag=False, heave_damping=False, earliest_s=_EARLIEST_S, spin_up=yaw
     )
-    return fit_motors(MotorProblem(records=tuple(records), levers=levers, parameters=parameters, axes=axes))
+    return fit_motors(MotorProblem(records=(record,), levers=levers, parameters=parameters, axes=axes))
 
 
 def _table(
-    records: Sequence[MotorRecord], levers: FloatArray, axes: tuple[str, ...], chain: MotorFit | None
+    record: MotorRecord, levers: FloatArray, axes: tuple[str, ...], chain: MotorFit | None
 ) -> tuple[Octave, ...]:
     rows = []
     for axis in axes:
         place = RATES.index(axis)
-        each = [octaves(record, levers[place], np.diff(record.rates[place])) for record in records]
-        bands = [one[axis].band_hz for one in (chain.excitations if chain is not None else ()) if one[axis].counts]
-        for here in zip(*each, strict=True):
-            low, high = here[0].band_hz
-            kept = any(first < high and low < last for first, last in bands)
-            rows.append(Octave(axis, low, high, max(one.correlation for one in here), kept))
+        shown = chain.excitations[0][axis] if chain is not None else None
+        for here in octaves(record, levers[place], np.diff(record.rates[place])):
+            low, high = here.band_hz
+            kept = shown is not None and shown.counts and shown.band_hz[0] < high and low < shown.band_hz[1]
+            rows.append(Octave(axis, low, high, here.correlation, kept))
     return tuple(rows)
 
 
-def _yaw(chains: Sequence[MotorFit], values: Mapping[str, float], known: Mapping[str, float]) -> dict[str, float]:
+def _yaw(shown: Mapping[str, float], values: Mapping[str, float], known: Mapping[str, float]) -> dict[str, float]:
     """Inertia, torque by thrust and rotor inertia of yaw, from their ratios and the one that is known."""
-    chain = next((one for one in chains if "kappa_per_I_zz" in one.parameters.names), None)
-    if chain is None or chain.parameters["kappa_per_I_zz"].value <= 0.0:
+    ratio = shown.get("kappa_per_I_zz", 0.0)
+    if ratio <= 0.0:
         return {}
-    ratio = chain.parameters["kappa_per_I_zz"].value
     found = {}
     if "I_zz" not in known and "kappa" in known:
         found["I_zz"] = known["kappa"] / ratio
@@ -518,8 +562,8 @@ def _yaw(chains: Sequence[MotorFit], values: Mapping[str, float], known: Mapping
         return found
     if "kappa" not in known:
         found["kappa"] = ratio * inertia
-    if "J_r" not in known:
-        found["J_r"] = chain.parameters[SPIN_UP].value * inertia
+    if "J_r" not in known and SPIN_UP in shown:
+        found["J_r"] = shown[SPIN_UP] * inertia
     return found
 
 
