@@ -119,11 +119,14 @@ def _require_parameters(model: Read, settings: IdentifySettings) -> None:
 _OF_ROTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
 """Choices of models in physical parameters."""
 
+_OF_FLIGHT = ("predictor",)
+"""Choices of ``physical.flight`` alone."""
+
 _ALL = tuple(item.name for item in fields(IdentifySettings))
 
 LINEAR = Fitting(
     method=_linear,
-    choices=tuple(name for name in _ALL if name not in _OF_ROTORS),
+    choices=tuple(name for name in _ALL if name not in (*_OF_ROTORS, *_OF_FLIGHT)),
     methods=tuple(word for word in get_args(MethodChoice) if word != "accelerations"),
     no_choice=_Refusal(
         "{wrong} does not apply to {name}", remedy=f"leave it out, or use {MOTORS.name}, {FLIGHT.name} or {HOVER.name}"
@@ -132,7 +135,9 @@ LINEAR = Fitting(
 )
 
 FITTINGS: Mapping[str, Fitting] = {
-    HOVER.name: replace(LINEAR, method=_hover, choices=tuple(name for name in _ALL if name != "curve")),
+    HOVER.name: replace(
+        LINEAR, method=_hover, choices=tuple(name for name in _ALL if name not in ("curve", *_OF_FLIGHT))
+    ),
     MOTORS.name: Fitting(
         method=lambda _, __, settings: Motors(motor_settings(settings)),
         choices=(
@@ -146,7 +151,7 @@ FITTINGS: Mapping[str, Fitting] = {
     ),
     FLIGHT.name: Fitting(
         method=lambda _, __, settings: Flights(settings=motor_settings(settings)),
-        choices=(*_OF_ROTORS, "fix", "segments", "seed", "method"),
+        choices=(*_OF_ROTORS, *_OF_FLIGHT, "fix", "segments", "seed", "method"),
         methods=("auto", "equation_error"),
         no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),

@@ -18,6 +18,7 @@ from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.identifying.motors import straightening_of
+from rotorid.models.motors import CURVE_TERMS
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
     Checks,
@@ -165,7 +166,7 @@ def flight_physics(fitted: FittedFlight) -> FlightPhysics:
         ),
         logs=tuple(_of_log(fitted, number) for number in range(len(data.records))),
         limits=FlightLimits(edge_m_s=tested.edge, climb_m_s=tested.climb, load=tested.load, motors=tested.speed),
-        hover=dict(fitted.hover),
+        hover={name: fitted.hover[name] for name in _OF_RESULT if name in fitted.hover},
         drag=drag_points(fitted),
         scatter=None if fit.errors is None else ("flights" if fit.errors.how == "flights" else "assumed"),
         predictor=dict(fit.predictor),
@@ -196,6 +197,7 @@ def _motors(fitted: FittedFlight) -> MotorPhysics:
     """Rotors and thrust, for all that need no more than these."""
     data, fit = fitted.data, fitted.fit
     motors = data.motors
+    low, high = np.percentile(np.concatenate([record.outputs.ravel() for record in data.records]), (1.0, 99.0))
     return MotorPhysics(
         layout=data.layout.name,
         arm_m=data.layout.arm,
@@ -204,11 +206,11 @@ def _motors(fitted: FittedFlight) -> MotorPhysics:
         outputs=data.kind,
         source=motors.histories[0].source,
         outputs_rate_hz=min(history.sample_rate_hz for history in motors.histories),
-        curve="quadratic" if _curve_terms(fitted) == {"c_2"} else "polynomial",
+        curve=_curve(fitted),
         reference_v=motors.reference_v,
-        hover_output=fit.hover.speed,
+        hover_output=fitted.hover["output"].value if "output" in fitted.hover else fit.hover.speed,
         load_factor=1.0,
-        flown_outputs=fit.tested.speed,
+        flown_outputs=(float(low), float(high)),
         scale="m" if data.given.scaled else None,
         straightening=straightening_of(data.flights),
         derived=_derived(fitted),
@@ -217,24 +219,24 @@ def _motors(fitted: FittedFlight) -> MotorPhysics:
 
 
 def _derived(fitted: FittedFlight) -> dict[str, Derived]:
-    """Thrust of a rotor in hover and its slope; at full output where the motors are known by outputs."""
-    hover, unit = fitted.hover, "N" if fitted.data.given.scaled else "m/s^2"
-    coefficient, speed, slope = (hover[name] for name in ("thrust_coefficient", "speed", "thrust_slope"))
-    weight_n = coefficient.value * speed.value**2
-    found = {
-        "thrust_hover": Derived(value=weight_n, std=slope.value * speed.std, unit=unit),
-        "thrust_slope": slope,
+    """Thrust of a rotor in hover and its slope, by output where that is what is known of the motors."""
+    names = {
+        "thrust_hover": "thrust_hover",
+        "thrust_slope": "output_slope" if "output_slope" in fitted.hover else "thrust_slope",
+        "thrust_full": "thrust_full",
+        "thrust_to_weight": "thrust_to_weight",
     }
-    if fitted.data.kind != "speed" and _curve_terms(fitted) == {"c_2"}:
-        # Inflow in hover takes the same share of thrust at any speed.
-        found["thrust_full"] = Derived(value=coefficient.value, std=coefficient.std, unit=unit)
-        ratio, std = coefficient.value / weight_n, coefficient.std / weight_n
-        found["thrust_to_weight"] = Derived(value=ratio, std=std, unit="1")
-    return found
+    return {name: fitted.hover[own] for name, own in names.items() if own in fitted.hover}
 
 
-def _curve_terms(fitted: FittedFlight) -> set[str]:
-    return {name for name in ("c_0", "c_1", "c_2") if name in fitted.fit.values}
+_OF_RESULT = ("thrust_coefficient", "thrust_slope", "speed", "induced_velocity", "drag")
+"""Numbers of hover that are about the air."""
+
+
+def _curve(fitted: FittedFlight) -> str:
+    """The thrust curve by its terms; one with several is a polynomial."""
+    terms = {name for name in ("c_0", "c_1", "c_2") if fitted.fit.values.get(name, 0.0) != 0.0}
+    return next((curve for curve, names in CURVE_TERMS.items() if set(names) == terms), "polynomial")
 
 
 _BANDS = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}

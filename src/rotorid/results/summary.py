@@ -422,7 +422,7 @@ class FlightLimits:
     """Range of the fitted flights but for half a percent at each end; beyond it the model extrapolates.
 
     ``edge_m_s`` is the airspeed along the discs, ``climb_m_s`` along the rotors' axis, ``load`` the specific force
-    along it over gravity, ``motors`` the speed of the rotors, or their outputs.
+    along it over gravity, ``motors`` the speed of the rotors in rad/s, or as a share of the full one.
     """
 
     edge_m_s: tuple[float, float]

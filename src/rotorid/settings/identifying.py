@@ -156,6 +156,8 @@ class IdentifySettings(MeasureSettings):
     layout, arm_m, curve, rotor_diameter_m
         Of ``physical.motors``, as in :class:`~rotorid.settings.motors.MotorSettings`; all but ``curve`` of
         ``physical.hover`` too, which has its arm and the diameter of its propellers from them.
+    predictor
+        Whether ``physical.flight`` also fits numbers that predict its closed loop best, which are never exported.
     """
 
     fix: Annotated[Mapping[str, float], Option("--fix", "Fix a parameter at a value. Repeatable.", "Models", FIXED)] = (
@@ -309,6 +311,15 @@ class IdentifySettings(MeasureSettings):
         ),
         Written("never"),
     ] = None
+    predictor: Annotated[
+        bool,
+        Option(
+            "--predictor",
+            "Also fit numbers that predict this closed loop best; never exported. For physical.flight.",
+            "Models in physical parameters",
+        ),
+        Written("never"),
+    ] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,4 +1,4 @@
-"""Choices of ``physical.motors``."""
+"""Choices of ``physical.motors`` and ``physical.flight``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -70,6 +70,8 @@ class MotorSettings(Settings):
         ``prediction_error``, or ``accelerations``: the sum of absolute errors of accelerations.
     outputs
         Angles and height in place of gyros and accelerometer, for ``accelerations`` alone.
+    predictor
+        Whether ``physical.flight`` also fits numbers that predict its closed loop best.
     seed
         Of what a bootstrap or a search draws.
 
@@ -93,6 +95,7 @@ class MotorSettings(Settings):
     runs: Annotated[int | None, Written("given")] = None
     method: Annotated[MotorMethod, Written("given")] = "prediction_error"
     outputs: Annotated[tuple[str, ...], Written("given")] = ()
+    predictor: Annotated[bool, Written("given")] = False
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -143,6 +146,7 @@ def motor_settings(settings: IdentifySettings) -> MotorSettings:
         runs=settings.runs,
         method="accelerations" if settings.method == "accelerations" else "prediction_error",
         outputs=settings.outputs,
+        predictor=settings.predictor,
     )
 
 

@@ -26,7 +26,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "fleet": "again memory resume review scheduler timeout vehicles workers",
         "fleet review": "models",
         "identify": "arm bootstrap constant cross-validate curve decoupled evaluations fix free known method pair "
-        "reduce rotor-diameter search speed-damping starts tie verify",
+        "predictor reduce rotor-diameter search speed-damping starts tie verify",
         "identify compare": "hold",
         "identify design track": "model",
         "identify export": "layout",

@@ -43,7 +43,7 @@ def fit_flight_data(data: FlightMotion, choices: MotorSettings) -> FittedFlight:
     _require_motion(data)
     _PROGRESS.info("fitting force and moment of flight")
     known = {name: value for name, value in choices.known.items() if name != "m"}
-    fit = _fitted(data, FlightChoices(values=known, skews_s=data.skews_s))
+    fit = _fitted(data, FlightChoices(values=known, skews_s=data.skews_s, predictor=choices.predictor))
     parameters = fitted_parameters(data, fit, choices.known)
     fitted = FittedFlight(data=data, fit=fit, parameters=parameters, bounds=fitted_bounds(fit, parameters))
     _require_physics(fitted)

@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
+from rotorid.fits.flight.hover import flight_units, hover_numbers, hover_structure
 from rotorid.fitting.flight.fit import FlightFit, predicted_force
 from rotorid.fitting.flight.motion import motion
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
@@ -22,7 +23,6 @@ from rotorid.flights.motor_data import MotorFlight
 from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.models.toml import from_toml
 from rotorid.results.model import SimulatedRecord
 from rotorid.results.summary import Derived, DragPoint
 from rotorid.signal.kinematics import ACCELERATIONS
@@ -33,55 +33,6 @@ from rotorid.verification.verification import Scores
 
 _MOVED_M_S2 = 0.5
 """Standard deviation of a slow specific force from which a flight shows what the model makes of it."""
-
-_BY_OUTPUT: Mapping[str, str] = {
-    "N s/rad": "N",
-    "N s^2/rad^2": "N",
-    "N s^2/(m rad)": "N s/m",
-    "N s^2/rad": "N s",
-    "N m s^2/rad^2": "N m s/rad",
-}
-"""Units by outputs, a share of the full speed, in place of rad/s."""
-
-_PER_MASS: Mapping[str, str] = {
-    "kg": "1",
-    "N": "m/s^2",
-    "N s": "m/s",
-    "N s/m": "1/s",
-    "N s/rad": "m/(s rad)",
-    "N s^2/m": "1",
-    "N s^2/m^2": "1/m",
-    "N s^2/m^3": "1/m^2",
-    "N s^2/rad": "m/rad",
-    "N s^2/rad^2": "m/rad^2",
-    "N s^2/(m rad)": "1/rad",
-    "N m s": "m^2/s",
-    "N m s/rad": "m^2/(s rad)",
-    "N m s^2/rad^2": "m^2/rad^2",
-    "kg m^2": "m^2",
-}
-"""Units of a vehicle of which only what it does per kilogram is known."""
-
-
-def flight_units(*, scaled: bool, speeds: bool) -> dict[str, str]:
-    """Unit of each parameter.
-
-    Parameters
-    ----------
-    scaled
-        Whether the mass is known; otherwise all numbers are per kilogram.
-    speeds
-        Whether the motors are known by measured speeds, and not by outputs.
-
-    Examples
-    --------
-    >>> flight_units(scaled=True, speeds=True)["k_d"], flight_units(scaled=False, speeds=False)["k_d"]
-    ('N s^2/(m rad)', '1/s')
-    """
-    units = {name: parameter.unit for name, parameter in FLIGHT_PARAMETERS.items()}
-    if not speeds:
-        units = {name: _BY_OUTPUT.get(unit, unit) for name, unit in units.items()} | {"J_r": "N m s"}
-    return units if scaled else {name: _PER_MASS.get(unit, unit) for name, unit in units.items()}
 
 
 class Predicted(NamedTuple):
@@ -161,65 +112,14 @@ class FittedFlight(Immutable):
     @cached_property
     def structure(self) -> LinearStructure:
         """The vehicle about hover, see :func:`hover_structure`."""
-        return hover_structure(self)
+        output = self.hover["output"].value if "output" in self.hover else self.fit.hover.speed
+        return hover_structure(self.parameters, self.data.layout, self.fit.hover, output=output, axes=self.axes)
 
     @cached_property
     def hover(self) -> dict[str, Derived]:
-        """What does not trade as coefficients do, see :class:`rotorid.models.flight.HoverThrust`."""
-        units = flight_units(scaled=self.data.given.scaled, speeds=self.data.kind == "speed")
-        hover = self.fit.hover
-        of_speed = "rad/s" if self.data.kind == "speed" else "1"
-        numbers = {
-            "thrust_coefficient": (hover.coefficient, units["c_2"]),
-            "thrust_slope": (hover.slope_n, units["c_1"]),
-            "speed": (hover.speed, of_speed),
-            "induced_velocity": (hover.induced_m_s, "m/s"),
-        }
-        if (k_d := self.fit.values.get("k_d")) is not None:
-            numbers["drag"] = k_d * _drag_factor(self) * hover.speed, "1/s"
-        stds = _hover_stds(self)
-        return {
-            name: Derived(value=value, std=stds.get(name, 0.0), unit=unit) for name, (value, unit) in numbers.items()
-        }
-
-
-def _drag_factor(fitted: FittedFlight) -> float:
-    """Drag of all rotors over mass, by coefficient and speed."""
-    airframe = fitted.fit.airframe
-    return airframe.rotors / airframe.mass_kg
-
-
-def _hover_stds(fitted: FittedFlight) -> dict[str, float]:
-    r"""Standard deviations of what holds in hover: thrust, its slope, the speed, and drag over mass.
-
-    .. math:: k = c_2 - c_\lambda v / \Omega, \qquad T' = c_1 + 2 c_2 \Omega - c_\lambda v, \qquad
-              D = n k_d \Omega / m
-
-    at the speed and the induced velocity of hover, which follow from weight and disc.
-    """
-    hover, names = fitted.fit.hover, fitted.bounds.names
-    speed, induced = hover.speed, hover.induced_m_s
-    ratio = np.array(
-        [{"c_0": 1.0, "c_1": speed, "c_2": speed**2, "c_lambda": -speed * induced}.get(n, 0.0) for n in names]
-    )
-    slope = np.array([{"c_1": 1.0, "c_2": 2.0 * speed, "c_lambda": -induced}.get(n, 0.0) for n in names])
-    covariance = fitted.bounds.covariance
-    # The speed of hover moves with the thrust at a given speed: the weight stays.
-    of_speed = -ratio / hover.slope_n
-    moved = slope + 2.0 * fitted.fit.values.get("c_2", 0.0) * of_speed
-    of_coefficient = -2.0 * hover.coefficient / speed * of_speed
-    by_drag = np.array([speed if name == "k_d" else 0.0 for name in names])
-    of_drag = _drag_factor(fitted) * (by_drag + fitted.fit.values.get("k_d", 0.0) * of_speed)
-
-    def std(row: FloatArray) -> float:
-        return float(np.sqrt(max(float(row @ covariance @ row), 0.0)))
-
-    return {
-        "thrust_coefficient": std(of_coefficient),
-        "thrust_slope": std(moved),
-        "speed": std(of_speed),
-        "drag": std(of_drag),
-    }
+        """What holds in hover and does not trade as coefficients do, see :func:`hover_numbers`."""
+        scaled, speeds = self.data.given.scaled, self.data.kind == "speed"
+        return hover_numbers(self.fit, self.bounds, scaled=scaled, speeds=speeds)
 
 
 _BINS, _LEAST_BIN_S = 12, 1.0
@@ -348,85 +248,3 @@ def simulated_record(flown: Predicted) -> SimulatedRecord:
         measured=_slow(flown, flown.measured),
         simulated=_slow(flown, flown.modeled),
     )
-
-
-_MOMENTS = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa/I_zz"}
-
-
-def hover_structure(fitted: FittedFlight) -> LinearStructure:
-    r"""Small motions about hover in still air, with the identified values.
-
-    .. math::
-
-        \delta F_i = (c_1 + 2 c_2 \Omega_h - c_\lambda v_h) \, \delta \Omega_i, \qquad
-        \dot w = Z_w w - \tfrac{1}{m} \sum \delta F_i, \qquad Z_w = -\tfrac{n}{2 m} c_\lambda \Omega_h
-
-    with the speed and induced velocity of hover; climb takes half of its speed from the induced velocity.
-    """
-    names, layout, axes = fitted.parameters.names, fitted.data.layout, fitted.axes
-    motors = range(1, layout.rotors + 1)
-    lag = "T_motor" in names
-    speeds = [f"x_{i}" if lag else f"motor_{i}" for i in motors]
-    equations = [f"T_motor*x_{i}' = -x_{i} + motor_{i}" for i in motors] if lag else []
-    arms, torque = layout.moment_arms, layout.torque_axes
-    levers = {"p": arms[0], "q": arms[1], "r": torque[2]}
-    for axis in axes:
-        terms = " + ".join(
-            f"({lever!r})*{speed}" for lever, speed in zip(levers[axis].tolist(), speeds, strict=True) if lever
-        )
-        spin_up = "".join(
-            f" - ({lever!r})*J_r/I_zz*{speed}'"
-            for lever, speed in zip(levers[axis].tolist(), speeds, strict=True)
-            if axis == "r" and lag and "J_r" in names
-        )
-        equations.append(f"{axis}'{spin_up} = {axis}_thrust*({terms})")
-    inflow = "c_lambda" in names
-    equations.append(f"w' = {'Z_w*w ' if inflow else ''}- az_thrust*({' + '.join(speeds)})")
-    slope = " + ".join(
-        term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0"), ("c_lambda", "(-c_lambda)*v_0")) if name in names
-    )
-    states = [*(speeds if lag else []), *axes, "w"]
-    lines = [
-        'schema = "rotorid.model/1"',
-        'name = "physical.flight"',
-        'source = "motors to rates and specific force, linear about hover in still air"',
-        f"inputs = [{', '.join(_quoted(f'motor_{i}') for i in motors)}]",
-        f"states = [{', '.join(map(_quoted, states))}]",
-        "equations = [",
-        *(f"    {_quoted(equation)}," for equation in equations),
-        "]",
-        f"outputs = [{', '.join(map(_quoted, (*axes, 'az = w' + chr(39))))}]",
-        "[constants]",
-        f"x_0 = {fitted.fit.hover.speed!r}",
-        f"v_0 = {fitted.fit.hover.induced_m_s!r}",
-        *_tables(fitted, slope),
-    ]
-    return from_toml("\n".join(lines), where="the hover model")
-
-
-def _tables(fitted: FittedFlight, slope: str) -> list[str]:
-    names, axes, rotors = fitted.parameters.names, fitted.axes, fitted.data.layout.rotors
-    used = {"m", "c_1", "c_2", "c_lambda", "T_motor"}
-    used |= {name for axis in axes for name in _MOMENTS[axis].removeprefix("1/").split("/")}
-    used |= {"J_r"} if "r" in axes and "T_motor" in names else set()
-    lines: list[str] = []
-    for parameter in fitted.parameters:
-        if parameter.name in used:
-            lines += [
-                f"[parameters.{parameter.name}]",
-                f"value = {parameter.value!r}",
-                f'unit = "{parameter.unit}"',
-                *(['status = "fixed"'] if parameter.status != "free" else []),
-            ]
-    tied = {f"{axis}_thrust": f"({slope})*{_MOMENTS[axis]}".replace("*1/", "/") for axis in axes}
-    tied["az_thrust"] = f"({slope})/m"
-    if "c_lambda" in names:
-        tied["Z_w"] = f"(-{0.5 * rotors!r})*c_lambda*x_0/m"
-    units = {"p_thrust": "rad/(m s^2)", "q_thrust": "rad/(m s^2)", "r_thrust": "rad/s^2", "az_thrust": "m/s^2"}
-    for name, expression in tied.items():
-        lines += [f"[parameters.{name}]", f'tied = "{expression}"', f'unit = "{units.get(name, "1/s")}"']
-    return lines
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"'

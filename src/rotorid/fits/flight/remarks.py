@@ -31,8 +31,8 @@ def judge_flight(
         *_velocity(identified),
         *_missing(identified),
         *_torque(identified),
-        *_yaw(identified),
-        *unused_choices(choices.known, identified.parameters.names),
+        *_yaw(identified, choices.known),
+        *_unused(identified, choices.known),
         *_physics(identified),
         *_scatter(identified),
         *_poor(fit_percent),
@@ -81,55 +81,67 @@ def _velocity(identified: FittedFlight) -> Iterator[Finding]:
         )
 
 
+_NEEDED = {"p": ("I_xx",), "q": ("I_yy",), "r": ("I_zz", "kappa", "J_r")}
+"""Rate to the numbers that its torque gives."""
+
+
 def _missing(identified: FittedFlight) -> Iterator[Finding]:
-    """Terms that no flight shows, those of one reason together."""
+    """Terms that no flight shows, those of one reason together; those of a torque are said with its axis."""
+    silent = {name for axis in _silent(identified) for name in _NEEDED[axis]}
     reasons: dict[str, list[str]] = {}
     for term, why in identified.fit.missing.items():
-        reasons.setdefault(why, []).append(term)
+        if term not in silent:
+            reasons.setdefault(why, []).append(term)
     for why, terms in reasons.items():
-        words = listed(
-            [f"{term} ({FLIGHT_PARAMETERS[term].about})" if term in FLIGHT_PARAMETERS else term for term in terms]
-        )
+        words = listed([f"{term} ({FLIGHT_PARAMETERS[term].about})" for term in terms])
         yield remark("flight_terms_missing", ", ".join(terms), f"Not enough data for {words}: {why.rstrip('.')}.")
 
 
-_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
+def _silent(identified: FittedFlight) -> tuple[str, ...]:
+    """Rates that the motors were compared with, and do not explain in any octave."""
+    octaves = identified.fit.octaves
+    return tuple(
+        axis
+        for axis in _NEEDED
+        if any(octave.axis == axis for octave in octaves)
+        and not any(octave.axis == axis and octave.kept for octave in octaves)
+    )
 
 
 def _torque(identified: FittedFlight) -> Iterator[Finding]:
     """Axes that the motors do not explain, and those that they explain in some octaves alone."""
-    octaves = identified.fit.octaves
-    for axis, name in _INERTIA.items():
-        own = [octave for octave in octaves if octave.axis == axis]
-        if not own:
-            continue
-        word, best = AXIS_WORDS[axis], max(own, key=lambda octave: octave.correlation)
+    silent = _silent(identified)
+    for axis, names in _NEEDED.items():
+        own = [octave for octave in identified.fit.octaves if octave.axis == axis]
+        word = AXIS_WORDS[axis]
         table = ", ".join(f"{octave.low_hz:g}–{octave.high_hz:g} Hz {octave.correlation:.2f}" for octave in own)
-        fitted = [octave for octave in own if octave.kept]
-        if not fitted:
+        if axis in silent:
+            best = max(own, key=lambda octave: octave.correlation)
             yield warn(
                 "no_excitation",
                 word,
-                f"Not enough data for {name}: the motors explain {word} in no octave with a correlation of 0.8 "
-                f"({table}). Elsewhere the motors show the controller, not the vehicle. Fly a sweep, doublets or "
-                "sharp maneuvers.",
+                f"Not enough data for {listed(names[:2])}: the motors do not explain {word} "
+                f"(correlation by octave: {table}). There they show the controller, not the vehicle. Fly a sweep, "
+                "doublets or sharp maneuvers.",
                 correlation=best.correlation,
             )
-        elif len(fitted) < len(own):
+        elif any(not octave.kept for octave in own):
+            fitted = [octave for octave in own if octave.kept]
             low, high = min(octave.low_hz for octave in fitted), max(octave.high_hz for octave in fitted)
             yield remark(
                 "torque_band",
                 word,
-                f"{name} is from {low:g} to {high:g} Hz, where the motors explain {word} ({table}). Below and above, "
-                "the controller and the air would make the torque of the motors look smaller than it is.",
+                f"{names[0]} is from {low:g} to {high:g} Hz, where the motors explain {word} ({table}). Below and "
+                "above, the controller and the air would make the torque of the motors look smaller than it is.",
                 low_hz=low,
                 high_hz=high,
             )
 
 
-def _yaw(identified: FittedFlight) -> Iterator[Finding]:
-    names = set(identified.parameters.names)
-    if {"kappa", "I_zz"} <= names or not {"I_xx", "I_yy"} & names:
+def _yaw(identified: FittedFlight, known: Mapping[str, float]) -> Iterator[Finding]:
+    if "r" in _silent(identified) or {"kappa", "I_zz"} & {*known, *identified.parameters.names}:
+        return
+    if not any(octave.axis == "r" for octave in identified.fit.octaves):
         return
     yield remark(
         "not_identifiable",
@@ -138,11 +150,21 @@ def _yaw(identified: FittedFlight) -> Iterator[Finding]:
     )
 
 
+def _unused(identified: FittedFlight, known: Mapping[str, float]) -> Iterator[Finding]:
+    """Values that no equation took, but those of an axis that is known not to be explained."""
+    silent = {name for axis in _silent(identified) for name in _NEEDED[axis]}
+    rest = {name: value for name, value in known.items() if name not in silent}
+    yield from unused_choices(rest, identified.parameters.names)
+
+
+_INERTIA = ("I_xx", "I_yy", "I_zz")
+
+
 def _physics(identified: FittedFlight) -> Iterator[Finding]:
     yield from mean_force_findings(identified)
     values = identified.parameters.values
-    if set(_INERTIA.values()) <= set(values):
-        yield from check_inertia(*(values[name] for name in _INERTIA.values()))
+    if set(_INERTIA) <= set(values):
+        yield from check_inertia(*(values[name] for name in _INERTIA))
 
 
 def _scatter(identified: FittedFlight) -> Iterator[Finding]:
