@@ -34,6 +34,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.flight.fit import FlightRange
+from rotorid.fitting.flight.ladder import wind_of
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
@@ -54,7 +55,6 @@ from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores
 from rotorid.verification.flight import (
-    INERTIAS,
     USUAL_OUTSIDE_PERCENT,
     FlightJudgement,
     FlightLoads,
@@ -118,6 +118,8 @@ class FlightPredictor(Immutable):
         What the fitted flights covered; ``None`` where that is not known.
     bands_hz
         Rate to the band in which the motors explain it: there its acceleration judges the model.
+    windy
+        Whether the fit gave each flight a wind of its own, as it is then found here too.
     cutoff_hz
         Of the low-pass that stands for an unknown filter of the accelerometer.
     scaled
@@ -138,6 +140,7 @@ class FlightPredictor(Immutable):
     velocity: VelocityClass
     tested: FlightRange | None = None
     bands_hz: Mapping[str, tuple[float, float]]
+    windy: bool = False
     cutoff_hz: float | None = None
     scaled: bool = True
     reference_v: float | None = None
@@ -224,12 +227,16 @@ class FlightPredictor(Immutable):
 
     def _stretches(self, data: FlightMotion) -> list[_Stretch]:
         pairs = zip(data.motors.stretches, data.skews_s, strict=True)
-        return [self.judged(flight, skew_s=skew_s, wind=None) for flight, skew_s in pairs]
+        return [self._judged(flight, skew_s) for flight, skew_s in pairs]
 
-    def judged(self, flight: MotorFlight, *, skew_s: float, wind: FloatArray | None) -> _Stretch:
-        """A stretch with the loads that the model makes of it."""
+    def _judged(self, flight: MotorFlight, skew_s: float) -> _Stretch:
+        """A stretch in its wind, with the loads that the model makes of it."""
         values = self.parameters.values
-        driven = motion(flight.record, values, kind=self._velocity(flight.record), wind=wind, skew_s=skew_s)
+        kind = self._velocity(flight.record)
+        wind = None
+        if self.windy and kind == "measured" and flight.record.attitude.size:
+            wind = wind_of(values, self.airframe, flight.record, kind=kind, cutoff_hz=self.cutoff_hz, skew_s=skew_s)
+        driven = motion(flight.record, values, kind=kind, wind=wind, skew_s=skew_s)
         loads = flight_loads_of(values, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
         return _Stretch(flight, driven, loads, wind, skew_s)
 
@@ -284,13 +291,11 @@ class FlightPredictor(Immutable):
 
     def _accelerations(self, stretch: _Stretch) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Angular acceleration in the bands in which the motors explain it, measured and modeled."""
-        rate_hz, values, found = stretch.flight.record.sample_rate_hz, self.parameters.values, {}
+        rate_hz, found = stretch.flight.record.sample_rate_hz, {}
         for row, axis in enumerate(stretch.loads.axes):
             if axis in self.bands_hz:
-                both = (stretch.loads.measured_moment[row], stretch.loads.modeled_moment[row])
-                measured, modeled = (
-                    in_band(moment / values[INERTIAS[axis]], self.bands_hz[axis], rate_hz) for moment in both
-                )
+                both = (stretch.loads.measured_turning[row], stretch.loads.modeled_turning[row])
+                measured, modeled = (in_band(turning, self.bands_hz[axis], rate_hz) for turning in both)
                 found[f"{axis}_dot"] = (measured, modeled)
         return found
 
@@ -492,6 +497,7 @@ def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
                 for octave in air.get("octaves") or ()
                 if octave["fitted"]
             ),
+            windy=any(log.get("wind_m_s") for log in air.get("logs") or ()),
             cutoff_hz=air.get("cutoff_hz"),
             scaled=motors["scale"] is not None,
             reference_v=motors.get("reference_v"),

@@ -72,6 +72,7 @@ class Flights:
             bands_hz=torque_bands(
                 [(octave.axis, octave.low_hz, octave.high_hz) for octave in fit.octaves if octave.kept]
             ),
+            windy=bool(np.isfinite(fit.winds).any()),
             cutoff_hz=fit.cutoff_hz,
             scaled=data.given.scaled,
             reference_v=data.motors.reference_v,

@@ -5,9 +5,10 @@ What the vehicle felt is known from its sensors: force over mass from the accele
 .. math:: M = I \dot\omega + \omega \times I \omega.
 
 An error is the root mean square of the length of the difference, so that three axes are one number; each axis is
-given too. Both pass the sensors' filters; moments are compared up to 25 Hz, because beyond it a derivative of the gyro
-is noise. Motors, the velocity through the air and the rates of the same moment go in, and nothing from before: what
-was logged, differentiated over 10 ms, needs no model to come closer than any (docs/accuracy.md).
+given too. The model passes the accelerometer's filter; moments are compared up to 25 Hz, because beyond it a
+derivative of the gyro is noise. Motors, the velocity through the air and the rates of the same moment go in, and
+nothing from before: what was logged, differentiated over 10 ms, needs no model to come closer than any
+(docs/accuracy.md).
 
 A model was identified over ranges of airspeed, climb, load factor and rotor speed. Outside of them it extrapolates.
 """
@@ -24,15 +25,12 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightRange, predicted_force
-from rotorid.fitting.flight.force import FILTER_ORDER
+from rotorid.fitting.flight.moment import moment_error
 from rotorid.fitting.flight.motion import Motion
 from rotorid.models.flight import Airframe, flight_loads
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.verification.multistep import StepErrors, pooled
-
-MOMENT_HZ = 25.0
-"""Up to here moments are compared: angular acceleration is a derivative of the gyro."""
 
 INERTIAS: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
 """Rate to the inertia that its moment needs."""
@@ -46,20 +44,23 @@ class FlightLoads(Immutable):
     ----------
     measured_force, modeled_force
         Mass times specific force at the accelerometer, N, shape ``(3, n)``.
-    measured_moment, modeled_moment
-        N m up to 25 Hz, a row for each axis of :attr:`axes`.
+    measured_turning, modeled_turning
+        Angular acceleration, rad/s², a row for each axis of :attr:`axes`.
+    missed_moment
+        Error of the moment up to 25 Hz, N m, a row for each axis.
     axes
         Rates whose inertia is known.
     """
 
     measured_force: FloatArray
     modeled_force: FloatArray
-    measured_moment: FloatArray
-    modeled_moment: FloatArray
+    measured_turning: FloatArray
+    modeled_turning: FloatArray
+    missed_moment: FloatArray
     axes: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        names = ("measured_force", "modeled_force", "measured_moment", "modeled_moment")
+        names = ("measured_force", "modeled_force", "measured_turning", "modeled_turning", "missed_moment")
         self._set(axes=tuple(self.axes), **{name: read_only(getattr(self, name), np.float64, ndim=2) for name in names})
 
 
@@ -86,46 +87,26 @@ def flight_loads_of(
     """
     force = predicted_force(values, airframe, record, driven, cutoff_hz)
     axes = tuple(axis for axis, inertia in INERTIAS.items() if values.get(inertia, 0.0) > 0.0)
+    rows = [list(INERTIAS).index(axis) for axis in axes]
     inertia = np.array([values.get(name, 0.0) for name in INERTIAS.values()])[:, None]
-    loads = flight_loads(
+    moment = flight_loads(
         values,
         airframe,
         speeds=driven.speeds,
         velocity=driven.velocity,
         rates=driven.rates,
         spin_up=driven.spin_up,
-    )
-    moment = inertia * driven.acceleration
+    ).moment
     if len(axes) == len(INERTIAS):
-        moment = moment + np.cross(driven.rates, inertia * driven.rates, axis=0)
-    rows = [list(INERTIAS).index(axis) for axis in axes]
-    rate_hz = record.sample_rate_hz
+        moment = moment - np.cross(driven.rates, inertia * driven.rates, axis=0)
     return FlightLoads(
         measured_force=airframe.mass_kg * record.force,
         modeled_force=airframe.mass_kg * force,
-        measured_moment=_slow(moment[rows], rate_hz),
-        modeled_moment=_slow(_through_gyro(loads.moment[rows], record), rate_hz),
+        measured_turning=driven.acceleration[rows],
+        modeled_turning=moment[rows] / inertia[rows],
+        missed_moment=moment_error(values, airframe, record, driven)[rows],
         axes=axes,
     )
-
-
-def _through_gyro(rows: FloatArray, record: MotorRecord) -> FloatArray:
-    """Rows behind the known filters of the gyro."""
-    from scipy.signal import oaconvolve
-
-    if record.gyro_taps.size < 2 or not rows.size:
-        return rows
-    first = rows[:, :1]
-    passed = oaconvolve(rows - first, record.gyro_taps[None, :], axes=-1)[:, : rows.shape[1]]
-    return np.asarray(passed + record.gyro_taps.sum() * first)
-
-
-def _slow(rows: FloatArray, rate_hz: float) -> FloatArray:
-    from scipy.signal import butter, sosfiltfilt
-
-    if rate_hz <= 2.0 * MOMENT_HZ or not rows.size:
-        return rows
-    return np.asarray(sosfiltfilt(butter(FILTER_ORDER, MOMENT_HZ, fs=rate_hz, output="sos"), rows, axis=-1))
 
 
 class AxisError(NamedTuple):
@@ -181,7 +162,7 @@ def load_errors(force: Mapping[str, FloatArray], moment: Mapping[str, FloatArray
 def differences(parts: list[FlightLoads]) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Errors of force and moment of several stretches, one after another, axis to row."""
     force = np.concatenate([part.measured_force - part.modeled_force for part in parts], axis=1)
-    moment = np.concatenate([part.measured_moment - part.modeled_moment for part in parts], axis=1)
+    moment = np.concatenate([part.missed_moment for part in parts], axis=1)
     turned = dict(zip(INERTIAS, BODY, strict=True))
     return dict(zip(BODY, force, strict=True)), {
         turned[axis]: row for axis, row in zip(parts[0].axes, moment, strict=True)

@@ -83,15 +83,17 @@ def test_force_that_is_missing_is_the_error() -> None:
 
 
 def test_a_moment_is_what_turns_the_vehicle() -> None:
-    """Rates that no model made: all of the moment is an error, that of a rigid body which the motors do not turn."""
+    """Rates that no model made: without motors, all of the moment is an error, that of a rigid body."""
     record, driven = flight()
-    values = {**VALUES, **INERTIA}
-    part = flight_loads_of(values, FRAME, record, driven)
+    still = driven._replace(speeds=np.zeros_like(driven.speeds), spin_up=np.zeros_like(driven.speeds))
+    values = {"c_2": VALUES["c_2"], **INERTIA}
+    part = flight_loads_of(values, FRAME, record, still)
     inertia = np.array(list(INERTIA.values()))[:, None]
     moment = inertia * driven.acceleration + np.cross(driven.rates, inertia * driven.rates, axis=0)
     assert part.axes == ("p", "q", "r")
-    # Second-order, forward and backward, at 25 Hz: 2 Hz passes.
-    np.testing.assert_allclose(part.measured_moment[:, 100:-100], moment[:, 100:-100], atol=1e-3 * moment.std())
+    # Below 2 Hz nearly all passes 25 Hz; ends of a record do less.
+    assert np.std(part.missed_moment) == pytest.approx(np.std(moment), rel=0.02)
+    np.testing.assert_allclose(part.measured_turning, driven.acceleration)
 
 
 def test_axes_without_inertia_are_no_number() -> None:
@@ -99,15 +101,6 @@ def test_axes_without_inertia_are_no_number() -> None:
     found = load_errors(*differences([flight_loads_of({**VALUES, "I_yy": 2.1e-3}, FRAME, record, driven)]))
     assert [axis.moment_rms_nm is not None for axis in found.axes.values()] == [False, True, False]
     assert found.moment_rms_nm == found.axes["y"].moment_rms_nm
-
-
-def test_a_filter_of_the_gyro_delays_the_model_too() -> None:
-    record, driven = flight()
-    values = {**VALUES, **INERTIA}
-    late = replace(record, gyro_taps=np.r_[np.zeros(5), 1.0])
-    plain = flight_loads_of(values, FRAME, record, driven).modeled_moment
-    passed = flight_loads_of(values, FRAME, late, driven).modeled_moment
-    np.testing.assert_allclose(passed[:, 105:-100], plain[:, 100:-105], atol=1e-4 * plain.std())
 
 
 def test_a_flight_like_those_that_were_fitted_is_inside() -> None:

@@ -195,6 +195,31 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
     )
 
 
+def wind_of(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    record: MotorRecord,
+    *,
+    kind: VelocityClass,
+    cutoff_hz: float | None = None,
+    skew_s: float = 0.0,
+) -> FloatArray:
+    """Wind of a flight in which a vehicle is known, toward north and east, m/s, shape ``(2,)``.
+
+    Parameters
+    ----------
+    values
+        Of the vehicle; what they lack counts as zero.
+    record
+        With specific force, attitude and velocity.
+    kind, cutoff_hz, skew_s
+        As in a fit.
+    """
+    zeros = dict.fromkeys((*FORCE_TERMS, *PLACE, "T_motor", "T_thrust"), 0.0)
+    choices = ForceChoices({**zeros, **values}, (), kind, True, cutoff_hz, np.array([skew_s]), 0.0)
+    return np.asarray(fit_force((record,), airframe, choices).winds[0], dtype=np.float64)
+
+
 class _Search:
     """A fit on its way: which columns count, and numbers, filter and winds as they are now."""
 
