@@ -9,11 +9,13 @@ velocity :math:`v` over ground in body axes, the wind :math:`W` and the rotation
 
 axis by axis (x and y), with the drag d and c over mass, the place h of the accelerometer along z from the center of
 gravity, and its bias b. Least squares of logged velocities is low by up to half, because their error is as large as the
-motion in a hover. The error of the velocity is not that of the tilt: :math:`z`, the acceleration
-:math:`g(-\sin\theta, \cos\theta \sin\phi)` behind a lag of 1.5 s, moves with the velocity and replaces it,
+motion in a hover. The error of the velocity is not that of the tilt: :math:`z`, the horizontal acceleration of thrust
+that carries the weight, over the earth behind a lag and turned into the body, moves with the velocity and replaces it,
 
 .. math:: \hat d = (z \cdot y) / (z \cdot v)
 
+The lag is the one of 0.5 to 6 s with which z follows v best, about mass over drag: with another one, the instrument of
+a vehicle that turns at speed points elsewhere.
 The specific force is the accelerometer's own, never the acceleration that follows from the attitude, so that an error
 of the attitude enters z alone. The place belongs in the regression: a sensor 5 cm above the center of gravity of a
 slow vehicle makes the drag half as large again, and more the faster the motion is that counts.
@@ -25,8 +27,9 @@ is an accelerometer mounted 1.2° off the plane of the rotors.
 
 The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather.
 Its standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
-coefficients that count. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and
-Watson, "HAR inference", 2018). A share of 1.5 % is added to drag, its spread between flights of one vehicle.
+coefficients that count. Where something else than drag moves with the tilt, half of the band shows another drag, and
+the difference is part of the error. A share of 1.5 % is added to drag, its spread between flights of one vehicle. Gusts
+last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and Watson, "HAR inference", 2018).
 
 Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
 ``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
@@ -54,15 +57,18 @@ from rotorid.data.record import FlightRecord, Intervals, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import flown
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
-from rotorid.signal.kinematics import derivative, gravity_in_body, to_body
-from rotorid.typing import FloatArray
+from rotorid.signal.kinematics import derivative, to_body
+from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 LOW_HZ, HIGH_HZ = 0.05, 1.0
 """Band of the motion that shows drag."""
 
-_LAG_S = 1.5
-"""Lag of the tilt, about mass over drag of small vehicles."""
+_LAGS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+"""Lags of the instrument that are tried: mass over drag of vehicles."""
+
+_LEAST_UPRIGHT = 0.2
+"""Cosine of tilt below which tilts beyond it count as this one."""
 
 _EDGE_S = 3.0
 """Left out after the take-off and before the landing."""
@@ -70,7 +76,7 @@ _EDGE_S = 3.0
 _SHORTEST_S, _FEWEST_S = 10.0, 20.0
 """Length of a stretch, and of all of them."""
 
-_LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.5
+_LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
 """Motion in the band, rms, and its correlation with the instrument."""
 
 _WORST = 0.25
@@ -233,6 +239,7 @@ def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
             needed=f"{_FEWEST_S:.0f} s, to measure drag",
             remedy=_FLY,
         )
+    by_log = _with_best_lag(by_log)
     solved = _Solved.of(by_log)
     _require_motion(name, solved)
     drag = _quantity(solved.value[0], math.hypot(solved.std, _SCATTER * solved.value[0]), "1/s")
@@ -295,18 +302,33 @@ def _quantity(value: float, std: float, unit: str) -> Quantity:
 class _Stretch:
     """Columns of a stretch of flight, each of shape ``(2, n)``: forward and right.
 
-    ``braking`` is the specific force with its sign changed, ``tilt`` the instrument, ``lever`` what an accelerometer
+    ``braking`` is the specific force with its sign changed, ``pushed`` the acceleration by the tilt, north and east,
+    that becomes the instrument behind ``lag_s``, ``lever`` what an accelerometer
     1 m below the center of gravity adds to ``braking``, ``north`` and ``east`` these directions in body axes.
     """
 
     rate_hz: float
     braking: FloatArray
     velocity: FloatArray
-    tilt: FloatArray
+    pushed: FloatArray
     lever: FloatArray
     north: FloatArray
     east: FloatArray
     heading_known: bool
+    lag_s: float = _LAGS_S[0]
+
+    @cached_property
+    def tilt(self) -> FloatArray:
+        """The instrument, shape ``(2, n)``."""
+        return self.behind(self.lag_s)
+
+    def behind(self, lag_s: float) -> FloatArray:
+        """Acceleration by the tilt behind a lag, in body axes, from rest at the first sample, shape ``(2, n)``."""
+        from scipy.signal import lfilter
+
+        keep = math.exp(-1.0 / (self.rate_hz * lag_s))
+        lagged, _ = lfilter([1.0 - keep], [1.0, -keep], self.pushed, axis=-1, zi=keep * self.pushed[:, :1])
+        return np.asarray(lagged[0] * self.north + lagged[1] * self.east)
 
     @property
     def seconds(self) -> float:
@@ -320,10 +342,26 @@ class _Stretch:
         """
         from scipy.fft import dct
 
-        size = values.shape[-1]
-        frequency_hz = 0.5 * self.rate_hz * np.arange(size) / size
-        kept = (frequency_hz >= LOW_HZ) & (frequency_hz <= HIGH_HZ)
-        return np.asarray(dct(values, norm="ortho", axis=-1)[..., kept] / math.sqrt(self.rate_hz))
+        return np.asarray(dct(values, norm="ortho", axis=-1)[..., self._kept(values)] / math.sqrt(self.rate_hz))
+
+    def only_band(self, values: FloatArray) -> FloatArray:
+        """The part of columns of shape ``(..., n)`` that is in the band."""
+        from scipy.fft import dct, idct
+
+        return np.asarray(idct(dct(values, norm="ortho", axis=-1) * self._kept(values), norm="ortho", axis=-1))
+
+    def _kept(self, values: FloatArray) -> BoolArray:
+        frequency_hz = self._frequency_hz(values.shape[-1])
+        return np.asarray((frequency_hz >= LOW_HZ) & (frequency_hz <= HIGH_HZ))
+
+    def _frequency_hz(self, size: int) -> FloatArray:
+        return np.asarray(0.5 * self.rate_hz * np.arange(size) / size)
+
+    @property
+    def slow(self) -> BoolArray:
+        """Which coefficients in the band are in its lower half, shape ``(k,)``."""
+        frequency_hz = self._frequency_hz(self.braking.shape[1])
+        return np.asarray(frequency_hz[self._kept(self.braking)] <= 0.5 * HIGH_HZ)
 
     def thinned(self, values: FloatArray) -> FloatArray:
         """Five samples of the fastest motion in the band."""
@@ -388,18 +426,29 @@ def _stretch(history: TimeHistory) -> _Stretch:
     else:
         down = history["velocity_down"] if "velocity_down" in history.names else zero
         velocity = to_body(history, np.stack([history["velocity_north"], history["velocity_east"], down]))[:2]
+    north = to_body(history, np.stack([one, zero, zero]))[:2]
+    east = to_body(history, np.stack([zero, one, zero]))[:2]
     p, q, r = _rates(history)
     p_dot, q_dot = derivative(np.stack([p, q]), rate_hz)
     return _Stretch(
         rate_hz=rate_hz,
         braking=-np.stack([history["ax"], history["ay"]]),
         velocity=velocity,
-        tilt=_lagged(gravity_in_body(history)[:2], rate_hz),
+        pushed=_acceleration(history),
         lever=-np.stack([q_dot + p * r, q * r - p_dot]),
-        north=to_body(history, np.stack([one, zero, zero]))[:2],
-        east=to_body(history, np.stack([zero, one, zero]))[:2],
+        north=north,
+        east=east,
         heading_known=known,
     )
+
+
+def _acceleration(history: TimeHistory) -> FloatArray:
+    """North and east acceleration of thrust that carries the weight, by the tilt, shape ``(2, n)``."""
+    phi, theta, psi = (history[name] for name in ATTITUDE)
+    ahead, aside = np.sin(theta) * np.cos(phi), np.sin(phi)
+    upright = np.cos(theta) * np.cos(phi)
+    axis = np.stack([np.cos(psi) * ahead + np.sin(psi) * aside, np.sin(psi) * ahead - np.cos(psi) * aside])
+    return np.asarray(-STANDARD_GRAVITY_M_S2 * axis / np.maximum(upright, _LEAST_UPRIGHT))
 
 
 def _rates(history: TimeHistory) -> FloatArray:
@@ -415,13 +464,22 @@ def _rates(history: TimeHistory) -> FloatArray:
     )
 
 
-def _lagged(values: FloatArray, rate_hz: float) -> FloatArray:
-    """Behind the lag of the instrument, from rest at the first sample, shape ``(2, n)``."""
-    from scipy.signal import lfilter
+def _with_best_lag(by_log: Sequence[Sequence[_Stretch]]) -> list[list[_Stretch]]:
+    """The stretches with the lag behind which the tilt follows the velocity best."""
+    velocity = np.concatenate([stretch.in_band(stretch.velocity).ravel() for log in by_log for stretch in log])
 
-    keep = math.exp(-1.0 / (rate_hz * _LAG_S))
-    lagged, _ = lfilter([1.0 - keep], [1.0, -keep], values, axis=-1, zi=keep * values[:, :1])
-    return np.asarray(lagged)
+    def follows(lag_s: float) -> float:
+        tilts = [stretch.in_band(stretch.behind(lag_s)).ravel() for log in by_log for stretch in log]
+        return _correlation(velocity, np.concatenate(tilts))
+
+    best_s = max(_LAGS_S, key=follows)
+    return [[replace(stretch, lag_s=best_s) for stretch in log] for log in by_log]
+
+
+def _correlation(velocity: FloatArray, tilt: FloatArray) -> float:
+    """Of velocity and instrument in the band; zero where one does not move."""
+    size = math.sqrt(float(velocity @ velocity) * float(tilt @ tilt))
+    return float(velocity @ tilt) / size if size > 0.0 else 0.0
 
 
 def _long_run(scores: FloatArray, seconds: float) -> tuple[FloatArray, float]:
@@ -430,10 +488,14 @@ def _long_run(scores: FloatArray, seconds: float) -> tuple[FloatArray, float]:
     The mean over cosines slower than so many cycles in all of the flight, each of which has the variance of the sum.
     """
     size = scores.shape[1]
-    count = max(int(seconds / _SLOWEST_S), _FEWEST_COSINES)
+    count = _cosines(seconds)
     cosines = np.cos(np.pi * np.outer(np.arange(1, count + 1), np.arange(size) + 0.5) / size)
     sums = math.sqrt(2.0) * scores @ cosines.T
     return np.asarray(sums @ sums.T / count), _student(count)
+
+
+def _cosines(seconds: float) -> int:
+    return max(int(seconds / _SLOWEST_S), _FEWEST_COSINES)
 
 
 def _student(freedom: float) -> float:
@@ -461,6 +523,7 @@ class _Solved:
 
     value: FloatArray
     std: float
+    of_band: float
     height_std: float
     plain: float
     plain_std: float
@@ -481,18 +544,20 @@ class _Solved:
                 for log in by_log
             ]
         plain, plain_moved = _fitted(braking, columns, columns)
-        velocity, tilt = columns[0].ravel(), by_tilt[0].ravel()
-        size = math.sqrt(float(velocity @ velocity) * float(tilt @ tilt))
+        slow = np.concatenate([stretch.slow for log in by_log for stretch in log])
+        slower, _ = _fitted(braking[:, slow], columns[..., slow], by_tilt[..., slow])
         stretches = [stretch for log in by_log for stretch in log]
         motion = sum(float(np.sum(stretch.linear[1] ** 2)) for stretch in stretches)
         return cls(
             value=found,
-            std=_std(moved[0]),
+            # What turns with the tilt and is no drag, as flapping, grows with frequency.
+            std=math.hypot(_std(moved[0]), float(slower[0] - found[0])),
+            of_band=float(slower[0] - found[0]),
             height_std=_std(moved[1]),
             plain=float(plain[0]),
             plain_std=_std(plain_moved[0]),
             difference_std=_std(moved[0] - plain_moved[0]),
-            correlation=float(velocity @ tilt) / size if size > 0.0 else 0.0,
+            correlation=_correlation(columns[0].ravel(), by_tilt[0].ravel()),
             speed_m_s=math.sqrt(motion / sum(stretch.seconds for stretch in stretches)),
             weights=tuple(weights),
         )
@@ -558,8 +623,11 @@ def _wind(log: Sequence[_Stretch], at_rest: float, square: float) -> _Wind:
     left = left - np.einsum("k,kan->an", step, slopes)
     scores = np.einsum("kan,an->kn", slopes, left) / lasting
     covariance, wider = _long_run(scores, seconds)
-    # What is known of the bias counts as one more observation; random errors are at least those of the residual.
-    total = inverse @ (covariance + known) @ inverse
+    # As far as the flight shows the bias, it takes from what lasts, which then looks smaller than it is.
+    taken = 2.0 - float(np.sum(np.diag(inverse @ known)))
+    slowest = 2.0 * _cosines(seconds)
+    # What is known of the bias counts as one more observation.
+    total = inverse @ (covariance * slowest / (slowest - taken) + known) @ inverse
     return _Wind(found, np.asarray(total), wider)
 
 
@@ -606,7 +674,7 @@ def _with_square(by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: S
         if not (values[0] > 0.0 and values[0] + values[1] * fast > 0.0):
             return None
         winds = [_wind(log, values[0], values[1]).mean for log in by_log]
-    stds = np.array([_std(moved[0]), _std(moved[1])])
+    stds = np.array([math.hypot(_std(moved[0]), solved.of_band), _std(moved[1])])
     for place, log in enumerate(by_log):
         found = _wind(log, values[0], values[1])
         for axis in range(2):
@@ -630,7 +698,9 @@ def _square_fit(
         for stretch in log:
             moved, tilt = stretch.linear[1], stretch.linear[3]
             gain = float(np.sum(moved * tilt)) / float(np.sum(tilt * tilt))
-            air, predicted = stretch.airspeed(wind), stretch.airspeed(wind, gain * stretch.tilt)
+            # In the band as the tilt makes it; slower, as it was logged.
+            made = stretch.velocity + stretch.only_band(gain * stretch.tilt - stretch.velocity)
+            air, predicted = stretch.airspeed(wind), stretch.airspeed(wind, made)
             rows = stretch.in_band(np.stack([np.abs(air) * air, np.abs(predicted) * predicted]))
             measured, velocity, lever, by_tilt = stretch.linear
             braking.append(weight * measured)
