@@ -35,8 +35,8 @@ def drag_of(unpacked: Unpacked, name: str) -> TiltDrag:
 def test_px4_simulator_shows_its_drag_where_plain_regression_misses_it(unpacked: Unpacked, name: str) -> None:
     found = drag_of(unpacked, f"px4_sitl/{name}")
     assert found.drag.lower <= 1.0 <= found.drag.upper
-    assert found.drag.std < 0.11
-    assert found.plain.upper < 1.0
+    assert found.drag.std < 0.12
+    assert found.plain.value < 0.93
     assert [finding.kind for finding in found.findings()] == ["both_ways_disagree"]
     assert math.hypot(found.wind_north.value, found.wind_east.value) < 0.3  # type: ignore[union-attr]
 
@@ -73,7 +73,7 @@ def test_ardupilot_simulator_shows_its_wind(unpacked: Unpacked) -> None:
 def test_a_log_of_fast_flight_shows_drag(unpacked: Unpacked) -> None:
     found = drag_of(unpacked, "everyday/arducopter_321_1.BIN.xz")
     assert found.drag.lower <= 0.29 <= found.drag.upper
-    assert found.drag.std < 0.02
+    assert found.drag.std < 0.025
     assert found.quadratic is not None
     assert found.quadratic.lower > 0.0
     assert 13.0 < found.top_speed().value < 19.0
@@ -99,8 +99,8 @@ def test_real_logs_show_one_drag_and_one_place_of_the_accelerometer_in_every_ban
 ) -> None:
     record, flights = logged(unpacked, name)
     whole = tilt_drag(record, flights)
-    assert whole.drag.value == pytest.approx(0.2, abs=0.03)
-    for low_hz, high_hz in ((0.05, 2.0), (0.1, 1.0), (0.1, 2.0)):
+    assert whole.drag.value == pytest.approx(0.2, abs=0.025)
+    for low_hz, high_hz in ((0.1, 2.0), (0.2, 2.0)):
         monkeypatch.setattr("rotorid.flights.tilt_drag.LOW_HZ", low_hz)
         monkeypatch.setattr("rotorid.flights.tilt_drag.HIGH_HZ", high_hz)
         found = tilt_drag(record, flights)

@@ -17,19 +17,20 @@ that carries the weight, over the earth behind a lag and turned into the body, m
 The lag is the one of 0.5 to 6 s with which z follows v best, about mass over drag: with another one, the instrument of
 a vehicle that turns at speed points elsewhere.
 The specific force is the accelerometer's own, never the acceleration that follows from the attitude, so that an error
-of the attitude enters z alone. The place belongs in the regression: a sensor 5 cm above the center of gravity of a
-slow vehicle makes the drag half as large again, and more the faster the motion is that counts.
+of the attitude enters z alone. The place belongs in the regression: without it, a log whose sensor sits 4.5 cm
+above the center of gravity showed 0.19 to 0.32 1/s, by the fastest motion that counted.
 
-Only motion between 0.05 and 1 Hz counts for the drag: below, wind and the estimator's velocity drift; above, vibration
-and flapping. The wind follows from what is left at all lower frequencies. A bias turns with the body and the wind does
-not, but of a flight at one heading the two are one number: the bias then has a standard deviation of 0.2 m/s², which
-is an accelerometer mounted 1.2° off the plane of the rotors.
+Only motion between 0.1 and 1 Hz counts for the drag: below, wind and the estimator's velocity drift, and a vehicle that
+holds its speed leans against gusts; above, vibration and flapping. The wind follows from what is left at all lower
+frequencies. A bias turns with the body and the wind does not, but of a flight at one heading the two are one number:
+the bias then has a standard deviation of 0.2 m/s², which is an accelerometer mounted 1.2° off the plane of the rotors.
 
-The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather.
-Its standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
-coefficients that count. Where something else than drag moves with the tilt, half of the band shows another drag, and
-the difference is part of the error. A share of 1.5 % is added to drag, its spread between flights of one vehicle. Gusts
-last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and Watson, "HAR inference", 2018).
+The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather. Its
+standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
+coefficients that count. Where something else than drag moves with the tilt, bands from 0.05 Hz or to 0.5 Hz show
+another drag, and the larger difference is part of the error. A share of 1.5 % is added to drag, its spread between
+flights of one vehicle. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and
+Watson, "HAR inference", 2018).
 
 Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
 ``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
@@ -61,7 +62,7 @@ from rotorid.signal.kinematics import derivative, to_body
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-LOW_HZ, HIGH_HZ = 0.05, 1.0
+LOW_HZ, HIGH_HZ = 0.1, 1.0
 """Band of the motion that shows drag."""
 
 _LAGS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
@@ -335,14 +336,16 @@ class _Stretch:
         """Length."""
         return float(self.braking.shape[1] / self.rate_hz)
 
-    def in_band(self, values: FloatArray) -> FloatArray:
+    def in_band(self, values: FloatArray, band_hz: tuple[float, float] | None = None) -> FloatArray:
         """Cosine coefficients in the band of columns, shape ``(..., n)``; their squares add up to integrals over time.
 
         The cosines of a stretch are orthogonal, so that leaving some out is a projection, without transients.
         """
         from scipy.fft import dct
 
-        return np.asarray(dct(values, norm="ortho", axis=-1)[..., self._kept(values)] / math.sqrt(self.rate_hz))
+        return np.asarray(
+            dct(values, norm="ortho", axis=-1)[..., self._kept(values, band_hz)] / math.sqrt(self.rate_hz)
+        )
 
     def only_band(self, values: FloatArray) -> FloatArray:
         """The part of columns of shape ``(..., n)`` that is in the band."""
@@ -350,18 +353,15 @@ class _Stretch:
 
         return np.asarray(idct(dct(values, norm="ortho", axis=-1) * self._kept(values), norm="ortho", axis=-1))
 
-    def _kept(self, values: FloatArray) -> BoolArray:
-        frequency_hz = self._frequency_hz(values.shape[-1])
-        return np.asarray((frequency_hz >= LOW_HZ) & (frequency_hz <= HIGH_HZ))
+    def _kept(self, values: FloatArray, band_hz: tuple[float, float] | None = None) -> BoolArray:
+        low_hz, high_hz = band_hz or (LOW_HZ, HIGH_HZ)
+        frequency_hz = 0.5 * self.rate_hz * np.arange(values.shape[-1]) / values.shape[-1]
+        return np.asarray((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
 
-    def _frequency_hz(self, size: int) -> FloatArray:
-        return np.asarray(0.5 * self.rate_hz * np.arange(size) / size)
-
-    @property
-    def slow(self) -> BoolArray:
-        """Which coefficients in the band are in its lower half, shape ``(k,)``."""
-        frequency_hz = self._frequency_hz(self.braking.shape[1])
-        return np.asarray(frequency_hz[self._kept(self.braking)] <= 0.5 * HIGH_HZ)
+    def part(self, low_hz: float, high_hz: float) -> FloatArray:
+        """Braking, velocity, lever and tilt in another band, shape ``(4, 2, k)``."""
+        rows = np.stack([self.braking, self.velocity, self.lever, self.tilt])
+        return self.in_band(rows, (low_hz, high_hz))
 
     def thinned(self, values: FloatArray) -> FloatArray:
         """Five samples of the fastest motion in the band."""
@@ -375,7 +375,7 @@ class _Stretch:
     @cached_property
     def linear(self) -> FloatArray:
         """Braking, velocity, lever and tilt in the band, shape ``(4, 2, k)``."""
-        return self.in_band(np.stack([self.braking, self.velocity, self.lever, self.tilt]))
+        return self.part(LOW_HZ, HIGH_HZ)
 
 
 def _velocities(record: FlightRecord) -> tuple[str, ...]:
@@ -544,15 +544,16 @@ class _Solved:
                 for log in by_log
             ]
         plain, plain_moved = _fitted(braking, columns, columns)
-        slow = np.concatenate([stretch.slow for log in by_log for stretch in log])
-        slower, _ = _fitted(braking[:, slow], columns[..., slow], by_tilt[..., slow])
+        # Gusts that the vehicle leans against are slow; what turns with the tilt, as flapping, is fast.
+        wide, slow = (0.5 * LOW_HZ, HIGH_HZ), (LOW_HZ, 0.5 * HIGH_HZ)
+        others = [_fitted(*_together(by_log, weights, band))[0][0] for band in (wide, slow)]
+        of_band = max(abs(float(other - found[0])) for other in others)
         stretches = [stretch for log in by_log for stretch in log]
-        motion = sum(float(np.sum(stretch.linear[1] ** 2)) for stretch in stretches)
+        motion = sum(float(np.sum(stretch.part(*wide)[1] ** 2)) for stretch in stretches)
         return cls(
             value=found,
-            # What turns with the tilt and is no drag, as flapping, grows with frequency.
-            std=math.hypot(_std(moved[0]), float(slower[0] - found[0])),
-            of_band=float(slower[0] - found[0]),
+            std=math.hypot(_std(moved[0]), of_band),
+            of_band=of_band,
             height_std=_std(moved[1]),
             plain=float(plain[0]),
             plain_std=_std(plain_moved[0]),
@@ -569,10 +570,14 @@ def _left(linear: FloatArray, found: FloatArray) -> FloatArray:
 
 
 def _together(
-    by_log: Sequence[Sequence[_Stretch]], weights: Sequence[float]
+    by_log: Sequence[Sequence[_Stretch]], weights: Sequence[float], band_hz: tuple[float, float] | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Braking, columns and instruments of all logs, each by its weight."""
-    rows = [weight * stretch.linear for log, weight in zip(by_log, weights, strict=True) for stretch in log]
+    rows = [
+        weight * (stretch.linear if band_hz is None else stretch.part(*band_hz))
+        for log, weight in zip(by_log, weights, strict=True)
+        for stretch in log
+    ]
     braking, velocity, lever, tilt = np.concatenate(rows, axis=-1)
     return braking, np.stack([velocity, lever]), np.stack([tilt, lever])
 
