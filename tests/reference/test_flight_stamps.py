@@ -1,4 +1,4 @@
-"""Stamps of motors and velocities in the public flights of three data sets.
+"""Stamps of motors and velocities, and drag, in the public flights of three data sets.
 
 The skews that the data's manifest names come from a plain correlation without the rate, rounded to 0.1 or 1 ms.
 """
@@ -18,8 +18,10 @@ from rotorid.errors import InsufficientDataError, LogError
 from rotorid.flights.motor_band import flights_off_ground
 from rotorid.flights.motor_stamps import motor_skew
 from rotorid.flights.rotor_order import rotor_order
+from rotorid.flights.tilt_drag import tilt_drag
 from rotorid.flights.velocity_stamps import velocity_delay
 from rotorid.models.rotors import RotorLayout, layout_from_toml, library_layout
+from rotorid.signal.airborne import airborne
 
 Unpacked = Callable[[str], Path]
 
@@ -143,3 +145,22 @@ def with_late_velocities(record: FlightRecord, late_s: float) -> FlightRecord:
 def test_without_a_mapping_the_right_one_is_named(unpacked: Unpacked, name: str, mapping: str) -> None:
     with pytest.raises(LogError, match=mapping):
         rotorid.read(unpacked(f"flight/{name}"), sandbox=False)
+
+
+@pytest.mark.parametrize("way", ["drag", "plain"])
+def test_the_drag_of_nanobench_is_one_in_all_flights(unpacked: Unpacked, way: str) -> None:
+    """Motion capture has hardly an error, so that both ways agree."""
+    records = [nanobench(unpacked, name) for name in NANOBENCH if "ramp" not in name]
+    found = [getattr(tilt_drag(record, airborne(record).intervals), way).value for record in records]
+    assert 0.375 < min(found) <= max(found) < 0.413
+    np.testing.assert_allclose(found, np.mean(found), rtol=0.05)
+
+
+def test_a_flight_of_a_fifth_of_a_meter_a_second_shows_no_drag(unpacked: Unpacked) -> None:
+    record = nanobench(unpacked, "B6_linear_ramp_rep1")
+    ((start_s, stop_s),) = airborne(record).intervals
+    for margin_s in (0.0, 1.0):
+        with pytest.raises(InsufficientDataError):
+            tilt_drag(record, ((start_s - margin_s, stop_s + margin_s),))
+    with pytest.raises(InsufficientDataError, match=r"motion of .* is 0\.0\d+ m/s rms"):
+        tilt_drag(record, ((start_s - 1.0, stop_s + 1.0),))

@@ -98,8 +98,8 @@ class Log:
     accelerometer_cutoff_hz: Callable[[FlightRecord], float] = _no_cutoff
 
 
-def _log_it(_record: FlightRecord, _rate_hz: float, _channels: tuple[str, ...]) -> str:
-    return "log it, or name its source with --map"
+def _log_it(_record: FlightRecord, rate_hz: float, _channels: tuple[str, ...]) -> str:
+    return "log it faster" if rate_hz > 0.0 else "log it, or name its source with --map"
 
 
 def _nothing(_record: FlightRecord) -> str:

@@ -23,12 +23,13 @@ import numpy as np
 from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal
+from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError, nearest_name
 from rotorid.fitting.flight.motion import VELOCITY_CLASSES, VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.motor_data import Channels, MotorData, Reading, Stretches, given_stretches, motor_data
-from rotorid.flights.motor_stamps import MotorSkew, motor_skew
+from rotorid.flights.motor_stamps import motor_skew
 from rotorid.flights.segments import is_logged
 from rotorid.flights.supports import SHORTEST_FLIGHT_S
 from rotorid.flights.velocity_stamps import prompt_velocity
@@ -171,8 +172,10 @@ def flight_data(
         layout=layout,
         reading=Reading(flown_stretches, _channels),
     )
-    motors = motors._replace(findings=(*motors.findings, *(finding for _, late in prompt for finding in late)))
-    return FlightMotion(motors, given_airframe(motors.layout, choices), _skews(motors))
+    skews_s, unknown = _skews(motors)
+    late = [finding for _, findings in prompt for finding in findings]
+    motors = motors._replace(findings=(*motors.findings, *late, *unknown))
+    return FlightMotion(motors, given_airframe(motors.layout, choices), skews_s)
 
 
 _OF_MOTORS_S = 0.003
@@ -181,39 +184,38 @@ _OF_MOTORS_S = 0.003
 _SURE = 3.0
 
 
-def _skews(motors: MotorData) -> tuple[float, ...]:
-    """For each stretch the skew of its log.
+def _skews(motors: MotorData) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
+    """For each stretch the skew of its log, and warnings on logs whose motors move too little to show one.
 
     Raises
     ------
     InsufficientDataError
         The motors of a log have no relation to its motion.
     """
-    found = {id(record): _skew(record, motors) for record in {id(f.record): f.record for f in motors.flights}.values()}
-    late = {key: skew.late_s for key, skew in found.items() if skew is not None}
+    late: dict[int, Quantity] = {}
+    unknown: list[Finding] = []
+    for record in {id(flight.record): flight.record for flight in motors.flights}.values():
+        spans = tuple(
+            (flight.maneuver.start_s, flight.maneuver.stop_s) for flight in motors.flights if flight.record is record
+        )
+        try:
+            late[id(record)] = motor_skew(record, motors.layout, intervals=spans).late_s
+        except InsufficientDataError as error:
+            if any(finding.kind == "motor_stamps" for finding in error.findings):
+                raise
+            # Motors that were logged slowly have a warning of their own.
+            unknown += [replace(found, severity="warning") for found in error.findings if found.kind == "no_excitation"]
+    skews_s = {key: each.value for key, each in late.items()}
     if motors.kind != "speed":
-        usual = float(np.median([each.value for each in late.values()])) if late else 0.0
-        late = {
-            key: replace(each, value=each.value - usual)
+        usual_s = float(np.median(list(skews_s.values()))) if skews_s else 0.0
+        skews_s = {
+            key: each.value - usual_s
             for key, each in late.items()
-            if abs(each.value - usual) > max(_OF_MOTORS_S, _SURE * each.std)
+            if abs(each.value - usual_s) > max(_OF_MOTORS_S, _SURE * each.std)
         }
     logs = {(flight.record.source.name, flight.maneuver.start_s): id(flight.record) for flight in motors.flights}
     keys = (logs.get((stretch.record.name, stretch.maneuver.start_s)) for stretch in motors.stretches)
-    return tuple(late[key].value if key in late else 0.0 for key in keys)
-
-
-def _skew(record: FlightRecord, motors: MotorData) -> MotorSkew | None:
-    """The skew of a log; ``None`` where its flight is too calm, too slow or too short to show it."""
-    spans = tuple(
-        (flight.maneuver.start_s, flight.maneuver.stop_s) for flight in motors.flights if flight.record is record
-    )
-    try:
-        return motor_skew(record, motors.layout, intervals=spans)
-    except InsufficientDataError as error:
-        if any(finding.kind == "motor_stamps" for finding in error.findings):
-            raise
-        return None
+    return tuple(skews_s.get(key, 0.0) if key is not None else 0.0 for key in keys), tuple(unknown)
 
 
 def given_airframe(layout: RotorLayout, choices: MotorSettings) -> GivenAirframe:

@@ -63,7 +63,7 @@ def logged_too_slowly(record: FlightRecord, what: str, rate_hz: float) -> Insuff
     missing = (what,) if rate_hz <= 0.0 and what != "motors" else ()
     came = f"{record.source.name} has no {what}" if missing else f"{what} are logged at {rate_hz:.0f} Hz"
     kind = "missing_channel" if missing else "rate_too_low"
-    remedy = (motor_advice(record) if what == "motors" else "") or logging_advice(record, rate_hz, missing)
+    remedy = logging_advice(record, rate_hz, missing) if rate_hz > 0.0 or missing else motor_advice(record)
     needed = f"motors and rates at {LOWEST_RATE_HZ:.0f} Hz or more"
     return _refused(kind, what, came, needed, remedy, {"rate_hz": rate_hz})
 
@@ -98,7 +98,7 @@ def wind_or_bias(turned_rad: float, where: str) -> tuple[Finding, ...]:
         return ()
     message = (
         f"The heading turned by {math.degrees(turned_rad):.0f}°; wind and accelerometer bias differ from "
-        f"{math.degrees(YAW_RAD):.0f}° on. The bias is taken as zero: fly both ways, or turn once while hovering."
+        f"{math.degrees(YAW_RAD):.0f}° on. The bias counts as zero: fly both ways, or turn once while hovering."
     )
     return (warn("wind_or_bias", where, message, turned_rad=turned_rad),)
 

@@ -149,7 +149,8 @@ def _means(stamps: FloatArray, values: FloatArray, time_s: FloatArray, step_s: f
     passed = edges - stamps[before]
     slope = np.diff(values)[before] / np.maximum(np.diff(stamps)[before], 1e-12)
     integral = area[before] + passed * (values[before] + 0.5 * slope * passed)
-    return np.asarray(np.diff(integral) / step_s)
+    # At an end of the log the step is half as long.
+    return np.asarray(np.diff(integral) / np.maximum(np.diff(edges), 1e-12))
 
 
 def _known(stamps: FloatArray, time_s: FloatArray, step_s: float) -> BoolArray:

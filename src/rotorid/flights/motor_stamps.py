@@ -80,6 +80,9 @@ _SURE = 3.0
 _UNKNOWN_FILTERS_S = 0.008
 """Delay of the gyro's filters where none is known: a second-order low-pass at 28 Hz."""
 
+_MODEL_S = 1e-3
+"""What drag and flapping move the peak by: it was 1 to 3 ms in simulated flights of one vehicle of four."""
+
 _FEEDBACK_S = 0.006
 """What noise and gusts that come back through a controller move the peak by, where they are half of the motion."""
 
@@ -274,8 +277,9 @@ def _lag(bands: Sequence[MotorBand], torques: Sequence[FloatArray], axis: int) -
 
 
 def _with_feedback(lag: Lag) -> Quantity:
-    """A lag with its random error, and with what noise and gusts make of it that return through the controller."""
-    return Quantity.normal(lag.seconds, math.hypot(lag.std, _FEEDBACK_S * (lag.correlation**-2.0 - 1.0)), "s")
+    """A lag with its random error, with what feedback makes of it, and what else turns the vehicle."""
+    feedback_s = _FEEDBACK_S * (lag.correlation**-2.0 - 1.0)
+    return Quantity.normal(lag.seconds, math.hypot(lag.std, feedback_s, _MODEL_S), "s")
 
 
 def _far(bands: Sequence[MotorBand], torques: Sequence[FloatArray]) -> float | None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.fits.flight.fit import mean_force_findings
 from rotorid.fits.flight.fitted import FittedFlight
 from rotorid.fits.motors.remarks import scale_finding, unused_choices
+from rotorid.flights.flight_faults import wind_or_bias
 from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.physical import check_inertia
 from rotorid.settings.motors import MotorSettings
@@ -29,6 +32,7 @@ def judge_flight(
         *_scale(identified),
         *_disc(identified),
         *_velocity(identified),
+        *_wind(identified),
         *_missing(identified),
         *_torque(identified),
         *_yaw(identified, choices.known),
@@ -79,6 +83,14 @@ def _velocity(identified: FittedFlight) -> Iterator[Finding]:
             "Neither velocity nor attitude is logged, so drag and inflow are missing: the numbers hold about hover "
             "only. Log the attitude.",
         )
+
+
+def _wind(identified: FittedFlight) -> Iterator[Finding]:
+    """That wind and a bias of the accelerometer look alike, of flights that hardly turned."""
+    fit = identified.fit
+    for flight, wind in zip(identified.data.motors.stretches, fit.winds, strict=True):
+        if fit.velocity == "measured" and np.isfinite(wind).all() and np.any(wind):
+            yield from wind_or_bias(float(np.ptp(np.unwrap(flight.record.attitude[2]))), flight.record.name)
 
 
 _NEEDED = {"p": ("I_xx",), "q": ("I_yy",), "r": ("I_zz", "kappa", "J_r")}
