@@ -431,11 +431,24 @@ _RANGES = {"airspeed": "airspeed", "climb": "climb rate", "load": "load factor",
 
 
 def _beyond(flight: MotorFlight, outside: tuple[float | None, dict[str, float]]) -> list[Finding]:
-    """A warning where a flight spends longer outside of the identified range than those that were fitted."""
     share, each = outside
-    if share is None or share <= USUAL_OUTSIDE_PERCENT:
+    return (
+        [] if share is None else range_findings(f"{flight.record.name} at {flight.record.start_s:.1f} s", share, each)
+    )
+
+
+def range_findings(where: str, share: float, each: Mapping[str, float]) -> list[Finding]:
+    """A warning where a flight spends longer outside of the identified range than those that were fitted.
+
+    Parameters
+    ----------
+    where
+        The flight.
+    share, each
+        Percent of its time outside of any range, and of each.
+    """
+    if share <= USUAL_OUTSIDE_PERCENT:
         return []
-    where = f"{flight.record.name} at {flight.record.start_s:.1f} s"
     named = ", ".join(
         f"{_RANGES[name]} {percent:.0f} %"
         for name, percent in sorted(each.items(), key=lambda item: -item[1])

@@ -154,7 +154,9 @@ def _fly_vehicle(
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S
         # Checked before the plan is made, which takes a while.
-        choices = SimulateSettings(vehicle=named.entry, wind=air.wind, **{**flight, "changes": named.changes})
+        choices = SimulateSettings(
+            vehicle=named.entry, wind=air.wind, tested=named.tested, **{**flight, "changes": named.changes}
+        )
         if not output.quiet:
             print_vehicle_remarks(named)
         with progress(quiet=output.quiet):

@@ -22,6 +22,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.quantity import with_error
 from rotorid.documents.base import Document, checked
 from rotorid.errors import ModelError, RotoridError, UsageError, nearest_name
+from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flying.designs import computed_for
 from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
@@ -688,6 +689,11 @@ class NamedVehicle(Immutable):
         """Of the autopilot whose logs it was identified from, as they name it; empty where they do not."""
         flew = None if self.own is None else self.own.joined.controller
         return "" if flew is None else flew.firmware
+
+    @property
+    def tested(self) -> FlightRange | None:
+        """Range that it was identified on, rotors by their outputs; ``None`` where no result says so."""
+        return None if self.own is None else self.own.tested
 
     @property
     def toml(self) -> str:

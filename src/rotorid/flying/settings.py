@@ -26,6 +26,7 @@ from rotorid.units import read_measures
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
     from rotorid.data.flight_plan import Entry, FlightPlan, Shape
+    from rotorid.fitting.flight.fit import FlightRange
     from rotorid.flying.user_vehicles import OwnVehicle
     from rotorid.planning.amplitude import Limits
     from rotorid.planning.expected import FitSettings
@@ -743,6 +744,8 @@ class SimulateSettings(Immutable):
         Largest deflection of the sticks in an everyday flight.
     speed_m_s
         Over ground, forward, at the beginning and at the end of the log; straight in between.
+    tested
+        Range that results of the vehicle were identified on, the rotors by their outputs; ``None`` where none says so.
     seed
         Of wind, noise and what is drawn.
     """
@@ -780,6 +783,7 @@ class SimulateSettings(Immutable):
         tuple[float, float],
         Option("--speed", "Forward speed in m/s; with two, from the first to the last over the log.", "Flight", SPEED),
     ] = (0.0, 0.0)
+    tested: "FlightRange | None" = None
     seed: Seed = 0
 
     def __post_init__(self) -> None:

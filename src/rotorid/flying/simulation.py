@@ -17,12 +17,16 @@ import numpy as np
 
 from rotorid.autopilots.filters import butterworth_low_pass
 from rotorid.autopilots.registry import named
+from rotorid.checking.flight import range_findings
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.excitation.sticks import everyday_stick
+from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flying.settings import SimulateSettings
+from rotorid.frames import quaternion_from_euler
 from rotorid.io.files import sha256_of
 from rotorid.io.formats import WRITERS
 from rotorid.io.registry import write_log
@@ -34,8 +38,11 @@ from rotorid.settings.option import require_seed
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
+from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import rig
 from rotorid.vehicles.catalog import VEHICLES, Vehicle, VehicleEntry
+from rotorid.verification.flight import outside, percents
+from rotorid.verification.multistep import to_body
 
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
@@ -76,9 +83,10 @@ class SimulatedLog(Immutable):
     duration_s: float
     changed: Mapping[str, float] = field(default_factory=dict)
     reached: Reached | None = None
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
-        self._set(changed=self.changed)
+        self._set(changed=self.changed, findings=tuple(self.findings))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,7 +240,41 @@ def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
         duration_s=run.flown.samples / run.flown.sample_rate_hz,
         changed=run.drawn,
         reached=reached(run.flown),
+        findings=tuple(beyond_tested(path.name, run.flown, choices.tested)),
     )
+
+
+def beyond_tested(name: str, flown: SimulatedFlight, tested: FlightRange | None) -> list[Finding]:
+    """Whether a flight leaves the range that its vehicle was identified on.
+
+    Parameters
+    ----------
+    name
+        Of the flight.
+    flown
+        What flew.
+    tested
+        The range, rotors by their outputs; ``None`` where nobody knows.
+    """
+    if tested is None:
+        return []
+    truth = flown.truth
+    angles = np.stack([truth[name] for name in ATTITUDE])
+    over_earth = [truth[f"velocity_{axis}"] - truth[f"wind_{axis}"] for axis in ("north", "east", "down")]
+    speeds = [
+        truth[f"motor_speed_{number + 1}"] for number in range(sum(key.startswith("motor_speed") for key in truth))
+    ]
+    share, each = percents(
+        [
+            outside(
+                tested,
+                velocity=to_body(quaternion_from_euler(angles), np.stack(over_earth)),
+                speeds=np.stack(speeds),
+                load=-truth["az"] / STANDARD_GRAVITY_M_S2,
+            )
+        ]
+    )
+    return range_findings(name, share, each)
 
 
 def simulation_of(
@@ -332,7 +374,7 @@ def _on_log(maneuver: Maneuver, start_s: float, file: str) -> LoggedManeuver:
 
 
 def _findings(logs: Sequence[SimulatedLog]) -> list[Finding]:
-    return [
+    saturated = [
         warn(
             "saturation",
             log.file,
@@ -343,6 +385,7 @@ def _findings(logs: Sequence[SimulatedLog]) -> list[Finding]:
         for log in logs
         if log.reached is not None and log.reached.saturated > 0.0
     ]
+    return saturated + [finding for log in logs for finding in log.findings]
 
 
 RIG = "rig"

@@ -16,14 +16,16 @@ from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable
 from rotorid.data.record import AXES
 from rotorid.errors import UsageError
+from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flights.controllers import controllers_of_result
+from rotorid.flying.vehicle_air import PLACE
 from rotorid.flying.vehicle_from_results import MOTION, UNITS, JoinedVehicle, VehicleNumber, joined_vehicle, require
 from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.autopilot import Autopilot
-from rotorid.simulation.linearization import hover_derivatives_of
-from rotorid.simulation.multirotor import Multirotor
+from rotorid.simulation.linearization import hover_derivatives_of, hover_slopes
+from rotorid.simulation.multirotor import Multirotor, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -55,6 +57,23 @@ class OwnVehicle(Immutable):
     answers: tuple[Axis, ...] = ()
 
     @property
+    def tested(self) -> FlightRange | None:
+        """Range that all results together were identified on, rotors by their outputs; ``None`` where none says so."""
+        spans = []
+        for model in self.joined.models:
+            flight, motors = model.flight, model.motors
+            if flight is None or motors is None:
+                continue
+            full = self.joined.numbers["speed_max"].value if motors.outputs == "speed" else 1.0
+            own = flight.limits
+            low, high = own.motors
+            spans.append((own.edge_m_s, own.climb_m_s, (low / full, high / full), own.load))
+        if not spans:
+            return None
+        widest = [(min(span[0] for span in each), max(span[1] for span in each)) for each in zip(*spans, strict=True)]
+        return FlightRange(*widest)
+
+    @property
     def has_motors(self) -> bool:
         """Whether thrust and hover are those of the results, and not of the other vehicle."""
         return any(model.motors is not None for model in self.joined.models)
@@ -71,14 +90,13 @@ def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
     (-1.0, 0.02, 'px4_quad')
     """
     vehicle, rotors = craft.vehicle, craft.vehicle.rotors
-    air, moments = vehicle.aerodynamics, vehicle.inertia_kg_m2.diagonal()
-    assert air is not None
-    size = [vehicle.mass_kg] * 3 + moments.tolist()
+    moments = vehicle.inertia_kg_m2.diagonal()
+    slopes = hover_slopes(vehicle)
     lag_down_s = rotors.lag_down_s or 0.0
     values = {"m": vehicle.mass_kg, **dict(zip(("I_xx", "I_yy", "I_zz"), moments.tolist(), strict=True))}
     values |= dict(zip(("c_0", "c_1", "c_2"), rotors.thrust, strict=True))
     values |= {"T_motor": 0.5 * (rotors.lag_up_s + lag_down_s), "arm": rotors.layout.arm}
-    values |= {name: float(air[place]) / size[place[0]] for name, place in MOTION.items()}
+    values |= {name: float(slopes[place]) for name, place in MOTION.items()}
     share = rotors.share_of(vehicle.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors)
     torque = float(np.polynomial.polynomial.polyval(share, rotors.torque_curve))
     if torque > 0.0:
@@ -146,11 +164,18 @@ def own_vehicle(
     ]
     return OwnVehicle(
         joined=joined,
-        aircraft=Aircraft(vehicle=body, autopilot=autopilot, sensors=like.sensors),
+        aircraft=Aircraft(vehicle=body, autopilot=autopilot, sensors=_sensors(joined, like.sensors)),
         like=like.name,
         taken=(*words, *taken, "noise of the sensors"),
         answers=tuple(axis for axis, (moment, _) in _ANSWERS.items() if joined.numbers[moment].source != "default"),
     )
+
+
+def _sensors(joined: JoinedVehicle, usual: Sensors) -> Sensors:
+    """Those of another vehicle, with the accelerometer where results have it."""
+    places = zip(PLACE, usual.accelerometer_place_m, strict=True)
+    x, y, z = (joined.numbers[name].value if name in joined.numbers else other for name, other in places)
+    return replace(usual, accelerometer_place_m=(x, y, z))
 
 
 def _identified(model: IdentifiedModel, name: str) -> bool:

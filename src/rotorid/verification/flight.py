@@ -175,22 +175,34 @@ range was left out, of each of four rotors."""
 
 
 def outside_range(tested: FlightRange, record: MotorRecord, driven: Motion) -> dict[str, BoolArray]:
+    """When a flight is outside of what was identified, see :func:`outside`."""
+    load = -record.force[2] / STANDARD_GRAVITY_M_S2
+    return outside(tested, velocity=driven.velocity, speeds=driven.speeds, load=load)
+
+
+def outside(tested: FlightRange, *, velocity: FloatArray, speeds: FloatArray, load: FloatArray) -> dict[str, BoolArray]:
     """When a flight is outside of what was identified: ``airspeed``, ``climb``, ``motors``, ``load``, shape ``(n,)``.
 
     Parameters
     ----------
     tested
         What the fitted flights covered.
+    velocity
+        Through the air, body axes, m/s, shape ``(3, n)``.
+    speeds
+        Of the rotors, shape ``(rotors, n)``.
+    load
+        Specific force along the rotors' axis over g, shape ``(n,)``.
     """
 
     def beyond(span: tuple[float, float], row: FloatArray) -> BoolArray:
         return np.asarray((row < span[0]) | (row > span[1]))
 
     return {
-        "airspeed": beyond(tested.edge, np.hypot(driven.velocity[0], driven.velocity[1])),
-        "climb": beyond(tested.climb, -driven.velocity[2]),
-        "motors": np.asarray(beyond(tested.speed, driven.speeds).any(axis=0)),
-        "load": beyond(tested.load, -record.force[2] / STANDARD_GRAVITY_M_S2),
+        "airspeed": beyond(tested.edge, np.hypot(velocity[0], velocity[1])),
+        "climb": beyond(tested.climb, -velocity[2]),
+        "motors": np.asarray(beyond(tested.speed, speeds).any(axis=0)),
+        "load": beyond(tested.load, load),
     }
 
 

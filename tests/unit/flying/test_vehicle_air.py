@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.flying.flights import DISC_M2, FULL_RAD_S, OF_OUTPUTS, OF_SPEEDS, flight, vehicle
+from tests.unit.flying.flights import DISC_M2, FULL_RAD_S, LIMITS, OF_OUTPUTS, OF_SPEEDS, flight, vehicle
 from tests.unit.flying.test_vehicle_from_results import hover, motors
 
 from rotorid.errors import UsageError
+from rotorid.flying.simulation import beyond_tested
+from rotorid.flying.user_vehicles import own_vehicle
 from rotorid.flying.vehicle_from_results import joined_vehicle, require
 from rotorid.simulation.flight_kernels import derivative
 from rotorid.simulation.linearization import hover_slopes
 from rotorid.simulation.multirotor import STATES, Multirotor
+from rotorid.simulation.multirotor_flight import fly_multirotor
+from rotorid.vehicles.catalog import aircraft
 
 FULL = {**OF_OUTPUTS, "k_w": 0.004, "c_h": 0.03, "d_z": 0.02, "kappa_lambda": 0.0004}
 
@@ -91,3 +96,28 @@ def test_nothing_is_known_of_the_air_without_it() -> None:
     assert body.rotors.flow is None
     assert (body.rotors.induced_drag_n_s_m, body.rotors.inflow_n_s_m, body.vertical_drag_n_s2_m2) == (0.0, 0.0, 0.0)
     assert not {"k_d", "c_lambda", "X_u"} & set(joined.numbers)
+
+
+def test_simulations_say_when_they_leave_the_range() -> None:
+    own = own_vehicle([flight()], like=aircraft("x500"), given={})
+    tested = own.tested
+    assert tested is not None
+    assert tested.load == LIMITS.load
+    assert own.aircraft.sensors.accelerometer_place_m == (0.02, -0.01, 0.03)
+    flown = fly_multirotor(own.aircraft, duration_s=4.0)
+    assert beyond_tested("calm", flown, tested) == []
+    fast = fly_multirotor(own.aircraft, duration_s=4.0, speed_m_s=(12.0, 12.0))
+    (found,) = beyond_tested("fast", fast, tested)
+    assert found.kind == "beyond_range"
+    assert found.numbers["airspeed"] > 50.0
+    assert beyond_tested("fast", fast, None) == []
+
+
+def test_the_range_of_speeds_is_one_of_outputs() -> None:
+    model = flight(OF_SPEEDS, outputs="speed")
+    assert model.flight is not None
+    limits = replace(model.flight.limits, motors=(300.0, 700.0))
+    fast = replace(model, flight=replace(model.flight, limits=limits))
+    own = own_vehicle([fast], like=aircraft("px4_quad"), given={"speed_max": FULL_RAD_S})
+    assert own.tested is not None
+    assert own.tested.speed == pytest.approx((300.0 / FULL_RAD_S, 700.0 / FULL_RAD_S))
