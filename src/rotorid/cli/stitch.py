@@ -22,7 +22,8 @@ def stitch_command(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Results of identify: hover.longitudinal, hover.lateral or both, each at two or more speeds."
+            help="Results of identify: hover.longitudinal, hover.lateral or both, each at two or more speeds; or at "
+            "one, with a result of physical.flight."
         ),
     ],
     *,

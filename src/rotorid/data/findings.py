@@ -455,6 +455,11 @@ KINDS: Mapping[str, Kind] = {
         "Dropped at some speeds",
         "A parameter of a stitched model was dropped at some speeds and is zero there.",
     ),
+    "speeds_by_physics": Kind(
+        "info",
+        "Speeds by flight physics",
+        "Derivatives of a stitched model at further speeds follow from a result of physical.flight.",
+    ),
     "lost_through_speeds": Kind(
         "warning", "Model lost control", "A stitched model does not stay in the air under the controllers of a flight."
     ),

@@ -12,11 +12,15 @@ with the random errors :math:`s`, which are independent in different flights, an
 not: the same sensors, clocks and structure made all of them. What the straight line misses in between is no part of the
 band: of a curvature :math:`\theta''` it is up to :math:`\theta'' (V_{i+1} - V_i)^2 / 8`. Beyond the speeds that were
 flown the last values hold.
+
+A result of ``physical.flight`` takes the place of further sweeps: a model of one speed goes on to the others by the
+change of its derivatives in the physics of that flight (:mod:`rotorid.flying.flight_points`).
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -31,6 +35,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import longest_flight
 from rotorid.flights.given_controllers import Controllers, doubts_of, no_controller
 from rotorid.flights.segments import built, with_ingredients
+from rotorid.flying.flight_points import at_further_speeds
 from rotorid.flying.model_from_results import HALVES
 from rotorid.flying.settings import StitchSettings
 from rotorid.models.controller import stepped
@@ -364,8 +369,8 @@ def stitch(
     ----------
     models
         What each result is called, to ``hover.longitudinal`` or ``hover.lateral``, identified in level flight at
-        several speeds: two and more of each model that is there. Their trim is that of their constants ``U0 W0 theta0
-        phi0`` and of the mean commands.
+        several speeds: two and more of each model that is there, or one and a result of ``physical.flight`` of the
+        same vehicle. Their trim is that of their constants ``U0 W0 theta0 phi0`` and of the mean commands.
     records
         Flights in which the speed changes, flown under controllers whose gains the log holds; both models are needed.
     settings
@@ -389,11 +394,12 @@ def stitch(
     (array([-0.27]), array([0.012]))
     """
     chosen = as_settings(StitchSettings, settings, options)
-    points = _points(models)
-    sources = [point.model.provenance for point in points]
+    further, added = _with_further_speeds(models)
+    points = _points(further)
+    sources = [model.provenance for model in models.values()]
     result = Stitched(
         points=points,
-        findings=tuple(_dropped(points)),
+        findings=(*_dropped(points), *added),
         provenance=Provenance(
             inputs={name: sha256 for provenance in sources for name, sha256 in provenance.inputs.items()}
             | hashes(records),
@@ -431,6 +437,45 @@ def refused_flight(error: InsufficientDataError, stitched: Stitched, records: Se
     return replace(stitched, findings=worst_first((*remarks, *why, *stitched.findings)), provenance=provenance)
 
 
+def _with_further_speeds(models: Mapping[str, IdentifiedModel]) -> tuple[dict[str, IdentifiedModel], list[Finding]]:
+    """The results of the halves, and those that a result of ``physical.flight`` makes of a half of one speed."""
+    flights = {label: model for label, model in models.items() if model.flight is not None}
+    halves = {label: model for label, model in models.items() if label not in flights}
+    if not flights:
+        return halves, []
+    if len(flights) > 1:
+        raise UsageError(f"{', '.join(flights)} are results of physical.flight", needed="one for one vehicle")
+    ((source, flight),) = flights.items()
+    names = [model.name for model in halves.values()]
+    alone = {
+        label: model
+        for label, model in halves.items()
+        if names.count(model.name) == 1 and "U0" in model.structure.constants
+    }
+    if not alone:
+        raise UsageError(
+            f"{source} adds no speed",
+            needed="a model that was identified at one speed alone",
+            remedy="leave it out",
+        )
+    findings = []
+    for label, model in alone.items():
+        further = at_further_speeds(model, flight)
+        trims = [one.structure.constants for one in further]
+        speeds = [round(math.hypot(trim["U0"], trim["W0"]), 1) for trim in trims]
+        halves |= {f"{label} at {speed:g} m/s": one for speed, one in zip(speeds, further, strict=True)}
+        findings.append(
+            remark(
+                "speeds_by_physics",
+                model.name,
+                f"{model.name} was identified at one speed. Up to {speeds[-1]:g} m/s its derivatives follow from "
+                f"{source}: what the physics leaves out stays as it was.",
+                highest_m_s=speeds[-1],
+            )
+        )
+    return halves, findings
+
+
 def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
     points = []
     for label, model in models.items():
@@ -447,7 +492,7 @@ def _points(models: Mapping[str, IdentifiedModel]) -> tuple[StitchedPoint, ...]:
             raise UsageError(
                 f"{name} has only one speed, {own[0].speed_m_s:.2f} m/s",
                 needed="two or more speeds of each model",
-                remedy="identify it at another speed, or leave it out",
+                remedy="identify it at another speed, give a result of physical.flight, or leave it out",
             )
         for point, other in pairwise(own):
             if other.speed_m_s - point.speed_m_s < _LEAST_SPACING_M_S:

@@ -1,0 +1,94 @@
+"""One sweep and a fast flight in place of several sweeps: the model at speed is that of the vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.flying import flights, test_stitching
+from tests.unit.flying.test_stitching import LATERAL, LONGITUDINAL, SPEEDS, identified
+
+from rotorid.errors import UsageError
+from rotorid.flying.stitching import Stitched, stitch
+from rotorid.results.model import IdentifiedModel
+from rotorid.simulation import hover_derivatives_of, trimmed
+
+CRAFT = replace(test_stitching.CRAFT, vehicle=flights.vehicle({**flights.OF_OUTPUTS, "m_f": 0.0}))
+FLIGHT = flights.flight({name: value for name, value in flights.OF_OUTPUTS.items() if name != "m_f"})
+
+
+@pytest.fixture(scope="module")
+def hover() -> dict[str, IdentifiedModel]:
+    """Exact results of sweeps in hover, without what symmetry makes zero there."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(test_stitching, "CRAFT", CRAFT)
+        return {
+            LONGITUDINAL: identified(LONGITUDINAL, 0.0, dropped=("M_w", "Z_u", "X_w", "M_thrust", "X_thrust")),
+            LATERAL: identified(LATERAL, 0.0, dropped=("L_r", "N_p", "N_roll")),
+        }
+
+
+@pytest.fixture(scope="module")
+def found(hover: dict[str, IdentifiedModel]) -> Stitched:
+    return stitch({**hover, "fast": FLIGHT})
+
+
+def test_derivatives_of_motion_at_speed_are_those_of_the_vehicle(found: Stitched) -> None:
+    """In hover they were identified; up to the fastest that was flown, physics has their change."""
+    names = {
+        LONGITUDINAL: ("X_u", "Z_w", "M_u", "M_w", "Z_u", "M_q"),
+        LATERAL: ("Y_v", "L_v", "L_p", "N_r", "L_r"),
+    }
+    for speed in (*SPEEDS[1:], 10.0):
+        truth = hover_derivatives_of(CRAFT.vehicle, CRAFT.autopilot, airspeed_m_s=speed)
+        along = trimmed(CRAFT.vehicle, speed).velocity_m_s[0]
+        for model, own in names.items():
+            for name in own:
+                value, std = found.curves[model][name].at(np.array([along]))
+                size = max(abs(truth[name]), 0.05)
+                assert value[0] == pytest.approx(truth[name], abs=0.02 * size), (speed, name)
+                assert std[0] < 0.4 * size, (speed, name)
+
+
+def test_control_derivatives_follow_the_slope_of_thrust(found: Stitched) -> None:
+    for speed in SPEEDS[1:]:
+        truth = hover_derivatives_of(CRAFT.vehicle, CRAFT.autopilot, airspeed_m_s=speed)
+        along = trimmed(CRAFT.vehicle, speed).velocity_m_s[0]
+        for model, name in ((LONGITUDINAL, "Z_thrust"), (LONGITUDINAL, "M_pitch"), (LATERAL, "L_roll")):
+            value, _ = found.curves[model][name].at(np.array([along]))
+            assert value[0] == pytest.approx(truth[name], rel=0.01), (speed, name)
+
+
+def test_the_trim_is_that_of_level_flight(found: Stitched, hover: dict[str, IdentifiedModel]) -> None:
+    fastest = found.of(LONGITUDINAL)[-1]
+    trim = trimmed(CRAFT.vehicle, 10.0)
+    assert (fastest.trim["u"], fastest.trim["theta"]) == pytest.approx((trim.velocity_m_s[0], trim.angles_rad[1]), 1e-4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(test_stitching, "CRAFT", CRAFT)
+        at_speed = identified(LONGITUDINAL, 10.0)
+    for command in ("thrust_command", "pitch_command"):
+        assert fastest.trim[command] == pytest.approx(at_speed.covered[command].mean, abs=0.01)
+
+
+def test_what_comes_from_physics_is_said(found: Stitched) -> None:
+    assert {one.where for one in found.findings if one.kind == "speeds_by_physics"} == {LONGITUDINAL, LATERAL}
+
+
+def test_an_uncertain_flight_gives_wide_bands(hover: dict[str, IdentifiedModel]) -> None:
+    """The deviation of a difference: nothing in hover, more with speed."""
+    wide = replace(FLIGHT, bounds=replace(FLIGHT.bounds, covariance=25.0 * FLIGHT.bounds.covariance))
+    curves = [stitch({**hover, "fast": one}).curves[LONGITUDINAL]["Z_w"] for one in (FLIGHT, wide)]
+    assert curves[0].std[0] == curves[1].std[0]
+    assert np.all(np.diff(curves[1].std) > 0.0)
+    assert curves[1].std[-1] > 2.0 * curves[0].std[-1]
+
+
+def test_a_flight_that_adds_nothing_is_refused(hover: dict[str, IdentifiedModel]) -> None:
+    slow = replace(FLIGHT, flight=replace(FLIGHT.flight, limits=replace(flights.LIMITS, edge_m_s=(0.0, 0.5))))
+    with pytest.raises(UsageError, match=r"at up to 0\.5 m/s"):
+        stitch({**hover, "slow": slow})
+    with pytest.raises(UsageError, match=r"results of physical\.flight"):
+        stitch({**hover, "fast": FLIGHT, "again": FLIGHT})
+    with pytest.raises(UsageError, match="adds no speed"):
+        stitch({"fast": FLIGHT})
