@@ -35,7 +35,7 @@ from rotorid.typing import FloatArray
 SPACING_M_S = 2.0
 """Largest distance of the speeds: between them derivatives are as good as straight."""
 
-_STILL = frozenset({"T_motor", "T_thrust", "J_r", "x_imu", "y_imu", "z_imu"})
+_STILL = frozenset({"T_motor", "J_r", "x_imu", "y_imu", "z_imu"})
 """Numbers of a flight that no derivative of motion depends on."""
 _BY_SLOPE = ("Z_thrust", "M_pitch", "L_roll")
 _BY_SPEED = ("N_yaw",)

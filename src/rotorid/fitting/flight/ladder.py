@@ -1,10 +1,10 @@
 r"""The fit of force: what enters, which lags and filters, which wind, by the error of data that were not fitted.
 
-Every fit has ``c_2``, ``c_lambda``, ``k_d``, the place of the accelerometer and the lag of thrust, as far as flights
-show them; motors that are known by outputs have a lag and a curve in its place. Then terms are tried one after the
-other, in the order of a ladder. They stay if they lower the error of data that were not fitted by a hundredth, both
-where thirds of every record and where whole records are left out in turn: thirds alone let in what differs from flight
-to flight, whole records alone what one flight of two cannot show.
+Every fit has ``c_2``, ``c_lambda``, ``k_d`` and the place of the accelerometer, as far as flights show them; motors
+that are known by outputs have a lag too. Then terms are tried one after the other, in the order of a ladder. They stay
+if they lower the error of data that were not fitted by a hundredth, both where thirds of every record and where whole
+records are left out in turn: thirds alone let in what differs from flight to flight, whole records alone what one
+flight of two cannot show.
 
 Where vertical speed and load hardly changed, thrust without inflow and what inflow takes are one number, and their
 ratio is that of a usual propeller: ``c_lambda`` is tied. Where airspeed hardly changed, there is no drag to find.
@@ -43,12 +43,12 @@ from rotorid.fitting.flight.force import (
 )
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
 from rotorid.frames import earth_to_body
-from rotorid.models.flight import CURVE_TERMS, FORCE_TERMS, Airframe, full_thrust, hover_thrust
+from rotorid.models.flight import FORCE_TERMS, Airframe, hover_thrust
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-LADDER: tuple[str, ...] = ("k_w", "c_h", "c_hw", "c_ha", "d_z")
-"""Terms beyond those of every fit, in the order in which they are tried; the lag of thrust comes before them."""
+LADDER: tuple[str, ...] = ("c_1", "k_w", "c_h", "c_hw", "c_ha", "d_z")
+"""Terms beyond those of every fit, in the order in which they are tried."""
 
 _FAST_M_S = 8.0
 _CLIMBING_M_S = 6.0
@@ -61,12 +61,8 @@ _POSITIVE = ("c_lambda", "k_d")
 _NO_BETTER = "data that were not fitted are no better"
 _SUPERFLUOUS = "later terms do the same"
 
-_LAGS_S = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.085, 0.11)
 _MOTOR_LAGS_S = (0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.19)
-_SQUARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the thrust curve that are a square of the output."""
-
-_CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 25))
+_CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 13))
 _MOTOR_LAG_S = 0.04
 _ROUNDS = 5
 _SETTLED, _SETTLED_M_S = 1e-4, 0.005
@@ -164,12 +160,9 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
     """
     search = _Search(tuple(records), airframe, choices)
     search.shown()
-    if not search.measured:
-        search.find_outputs()
+    if not search.measured and "T_motor" not in choices.known:
+        search.find_lag()
     search.settle()
-    if search.lags:
-        search.seek("T_thrust", _LAGS_S)
-        search.settle()
     ladder = []
     if choices.wind and "k_d" in search.names:
         ladder.append(search.wind_rung())
@@ -215,7 +208,7 @@ def wind_of(
     kind, cutoff_hz, skew_s
         As in a fit.
     """
-    zeros = dict.fromkeys((*FORCE_TERMS, *PLACE, "T_motor", "T_thrust"), 0.0)
+    zeros = dict.fromkeys((*FORCE_TERMS, *PLACE, "T_motor"), 0.0)
     choices = ForceChoices({**zeros, **values}, (), kind, True, cutoff_hz, np.array([skew_s]), 0.0)
     return np.asarray(fit_force((record,), airframe, choices).winds[0], dtype=np.float64)
 
@@ -227,11 +220,10 @@ class _Search:
         self.records, self.airframe, self.choices = records, airframe, choices
         self.measured = all(record.between == "lines" for record in records)
         self.names: list[str] = []
+        self.motor_lag_shown = False
         self.tied = False
         self.missing: dict[str, str] = {}
         self.values: dict[str, float] = dict(choices.known)
-        self.square = 1.0
-        """Share of the thrust curve that is a square of the output."""
         self.cutoff_hz = choices.cutoff_hz
         self.winds = np.full((len(records), 2), np.nan)
         speeds = [moved.speeds for moved in self.driven()]
@@ -246,12 +238,6 @@ class _Search:
     def windy(self) -> bool:
         """Whether each record has a wind."""
         return bool(np.isfinite(self.winds).all())
-
-    @property
-    def lags(self) -> bool:
-        """Whether the lag of thrust is sought: where it is not a part of a lag of motors that force alone shows."""
-        known = self.choices.known
-        return "T_thrust" not in known and (self.measured or "T_motor" in known)
 
     # What the records show.
 
@@ -295,6 +281,8 @@ class _Search:
 
     def unseen(self, term: str) -> str:
         """Why flights cannot show a term; empty where they can."""
+        if term == "c_1":
+            return "speeds of the rotors were measured" if self.measured else ""
         fastest, climbs = self.speeds_m_s
         if fastest < _FAST_M_S:
             return f"airspeed reached {fastest:.2g} m/s of {_FAST_M_S:g}"
@@ -305,9 +293,7 @@ class _Search:
     def free(self) -> tuple[str, ...]:
         """Numbers that were fitted."""
         found = [name for name in self.names if not (name == "c_lambda" and self.tied)]
-        if not self.measured:
-            found = ["c_1"] * (self.square < 1.0) + [n for n in found if n != "c_2" or self.square > 0.0]
-        found.append("T_thrust" if self.lags else "T_motor")
+        found += ["T_motor"] * self.motor_lag_shown
         return tuple(name for name in found if name not in self.choices.known)
 
     # Columns, and their coefficients.
@@ -339,8 +325,6 @@ class _Search:
 
     def _held(self, name: str) -> float:
         known = self.choices.known
-        if name == "c_2" and any(term in known for term in CURVE_TERMS):
-            return full_thrust(known)
         return known.get(name, np.nan)
 
     def _solve(self, products: Products, names: Sequence[str], held: FloatArray) -> FloatArray:
@@ -407,9 +391,6 @@ class _Search:
     def _take(self, found: FloatArray) -> None:
         """Coefficients as values, and the inflow of hover that follows."""
         values = dict(zip(self.names, found.tolist(), strict=True))
-        full = values["c_2"]
-        if not self.measured and not any(term in self.choices.known for term in CURVE_TERMS):
-            values |= {"c_1": (1.0 - self.square) * full, "c_2": self.square * full}
         self.values |= values | dict(self.choices.known)
         self.by_speed = np.full(len(self.records), hover_thrust(self.values, self.airframe).coefficient)
 
@@ -436,7 +417,6 @@ class _Search:
         if not self.windy:
             return stds
         found = np.array([self.values[name] for name in self.names])
-        found[self.names.index("c_2")] = full_thrust(self.values)
         for place, (part, columns) in enumerate(zip(self.rows(self.names), self._wind_columns(), strict=True)):
             left = part.measured - np.tensordot(found, part.columns, 1)
             _, variance = _wind(columns, left, part.sample_rate_hz)
@@ -446,37 +426,31 @@ class _Search:
             stds[place] = np.sqrt(variance)
         return stds
 
-    def find_outputs(self) -> None:
-        """Lag of the motors and shape of their curve, which outputs need, by the error that they leave."""
-        known = self.choices.known
-        if "T_motor" not in known:
-            self.values["T_motor"] = _MOTOR_LAG_S
-            self.seek("T_motor", _MOTOR_LAGS_S)
-        if not any(term in known for term in CURVE_TERMS):
-            plain = self._lost({})
-            shapes = [self._lost(_curve(square)) for square in _SQUARES]
-            best = int(np.argmin(shapes))
-            if shapes[best] < (1.0 - self.choices.least_gain) ** 2 * plain:
-                self.square = _SQUARES[best]
-                self.values |= _curve(self.square)
-                if "T_motor" not in known:
-                    self.seek("T_motor", _MOTOR_LAGS_S)
+    def find_lag(self) -> None:
+        """Lag of the motors that outputs need, where nobody knows it: the usual one, unless force shows another."""
+        names = self.names if "c_1" in self.names else [*self.names, "c_1"]  # a curve is no lag
+        self.values["T_motor"] = _MOTOR_LAG_S
+        usual = self._lost(names, _MOTOR_LAG_S)
+        found = _lowest(_MOTOR_LAGS_S, [self._lost(names, lag_s) for lag_s in _MOTOR_LAGS_S])
+        self.motor_lag_shown = self._lost(names, found) < (1.0 - self.choices.least_gain) ** 2 * usual
+        if self.motor_lag_shown:
+            self.values["T_motor"] = found
+        else:
+            self.missing["T_motor"] = "force is no worse with a usual lag"
 
-    def seek(self, name: str, grid: Sequence[float]) -> None:
-        self.values[name] = _lowest(grid, [self._lost({name: value}) for value in grid])
-
-    def _lost(self, at: Mapping[str, float]) -> float:
-        """Sum of squares that the columns of every fit leave at some lag and curve."""
-        products = total([part.products(self.cutoff_hz) for part in self.rows(self.names, at)])
-        return float(left_over(products, self.solve(products, self.names)).sum())
+    def _lost(self, names: Sequence[str], lag_s: float) -> float:
+        """Sum of squares that columns leave at some lag."""
+        products = total([part.products(self.cutoff_hz) for part in self.rows(names, {"T_motor": lag_s})])
+        return float(left_over(products, self.solve(products, names)).sum())
 
     # Rungs of the ladder.
 
     def _parts(self, names: Sequence[str]) -> list[list[Products]]:
         """Products of what is left out in turn: thirds of every record, and whole records where there are several."""
         rows = self.rows(names)
-        thirds = [part.products(self.cutoff_hz) for whole in rows for part in whole.thirds()]
-        return [thirds, [whole.products(self.cutoff_hz) for whole in rows]] if len(rows) > 1 else [thirds]
+        wholes = [row.products(self.cutoff_hz) for row in rows]
+        thirds = [part for whole in wholes for part in whole.thirds()]
+        return [thirds, wholes] if len(rows) > 1 else [thirds]
 
     def _unseen_error(self, parts: Sequence[Products], names: Sequence[str]) -> float:
         """Error on parts that were left out in turn, N."""
@@ -484,7 +458,7 @@ class _Search:
         for place, part in enumerate(parts):
             found = self.solve(total([other for k, other in enumerate(parts) if k != place]), names)
             lost += float(left_over(part, found).sum())
-            samples += part.samples
+            samples += part.samples * part.blocks
         return self.airframe.mass_kg * float(np.sqrt(lost / samples))
 
     def wind_rung(self) -> Rung:
@@ -530,10 +504,6 @@ class _Search:
             for parts in self._parts(names)
         ]
         return max(errors, key=lambda pair: pair[1] / pair[0])
-
-
-def _curve(square: float) -> dict[str, float]:
-    return {"c_1": 1.0 - square, "c_2": square}
 
 
 def _lowest(grid: Sequence[float], losses: Sequence[float]) -> float:
