@@ -19,6 +19,7 @@ from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.flights.flight_data import FlightMotion
 from rotorid.models.motors import check_mean_force
 from rotorid.settings.motors import MotorSettings
+from rotorid.uncertainty.flight_error import with_errors
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -52,7 +53,8 @@ def fit_flight_data(data: FlightMotion, choices: MotorSettings) -> FittedFlight:
 
 def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:
     try:
-        return fit_flight(data.records, data.given.airframe, choices)
+        fit = fit_flight(data.records, data.given.airframe, choices)
+        return with_errors(fit, data.records, choices)
     except ModelError as error:
         # Rotors that cannot carry the weight.
         message = f"The motors do not explain the force of the flight: {error.came}."

@@ -97,27 +97,37 @@ class FlightErrors(Immutable):
     names
         In the order of rows and columns.
     covariance
-        Of everything: of an unseen flight of the same vehicle, shape ``(p, p)``.
+        Of the vehicle's numbers, of which every flight shows others, shape ``(p, p)``: 1.96 deviations hold 95 %.
     random
         Of what noise and gusts do within the flights alone, shape ``(p, p)``.
     how
         Where the scatter between flights comes from: ``flights`` or ``assumed``.
+    scatter
+        Standard deviation of each number between flights, shape ``(p,)``; none by default.
     """
 
     names: tuple[str, ...]
     covariance: FloatArray
     random: FloatArray
     how: str
+    scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
+        scatter = self.scatter if self.scatter.size else np.zeros(len(self.names))
         self._set(
-            covariance=read_only(self.covariance, np.float64, ndim=2), random=read_only(self.random, np.float64, ndim=2)
+            covariance=read_only(self.covariance, np.float64, ndim=2),
+            random=read_only(self.random, np.float64, ndim=2),
+            scatter=read_only(scatter, np.float64, ndim=1),
         )
 
     def std(self, name: str) -> float:
-        """One standard deviation of a number, the scatter between flights included."""
+        """One standard deviation of a number of the vehicle, the scatter between flights included."""
         place = self.names.index(name)
         return float(np.sqrt(self.covariance[place, place]))
+
+    def std_of_another(self, name: str) -> float:
+        """One standard deviation of what another flight alone would show, beside its own random error."""
+        return float(np.hypot(self.std(name), self.scatter[self.names.index(name)]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,7 +231,8 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     """
     records = tuple(records)
     _check(records, airframe)
-    choices = _with_lag(records, airframe, choices or FlightChoices())
+    given = choices or FlightChoices()
+    choices = _with_lag(records, airframe, given)
     kind = choices.velocity or _least(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     turned = all(record.attitude.shape[1] for record in records)
@@ -246,7 +257,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         airframe=airframe,
         records=tuple(record.name for record in records),
         values=values,
-        free=force.free,
+        free=(*force.free, *(name for name in choices.values if name not in given.values)),
         entered=force.entered,
         ladder=force.ladder,
         velocity=kind,

@@ -1,0 +1,284 @@
+r"""Errors of the physics of flight: within flights, and between flights.
+
+Within a flight, errors are colored and the structure leaves much: the sandwich of blocks of 2 s
+(:func:`rotorid.uncertainty.sandwich.by_blocks`), equation by equation. Inertia comes from whitened equations of its
+band, moments of the air from all frequencies with inertia held.
+
+Flights of one vehicle still differ by more: by :math:`\tau`, of which experience says how large it usually is
+(``scatter`` of :data:`~rotorid.models.flight.FLIGHT_PARAMETERS`), and the flights of this fit say how large it is here
+(DerSimonian and Laird, :func:`~rotorid.uncertainty.next_flight.random_effects_mean`). Each counts by its degrees of
+freedom, five for the usual scatter, which six flights gave:
+
+.. math::
+
+    \tau^2 = \frac{5 \tau_0^2 + (n - 1) \tau_{DL}^2}{5 + n - 1}, \qquad
+    \pm t_{5 + n - 1} \sqrt{\tau^2 / n + s^2}, \qquad \pm t_{5 + n - 1} \sqrt{\tau^2 + \tau^2 / n + s^2 + s_{new}^2}
+
+is where the number of the vehicle lies, and that of another flight alone. A single flight has the usual scatter, a
+stated assumption. Thrust without inflow and what inflow takes move together: flights show the same thrust in hover.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.data.record import MotorRecord
+from rotorid.errors import InsufficientDataError, ModelError
+from rotorid.fitting.flight.fit import (
+    FlightChoices,
+    FlightErrors,
+    FlightFit,
+    fit_flight,
+    fitted_motion,
+    predicted_force,
+)
+from rotorid.fitting.flight.moment import AIR_TERMS, MOMENT_NUMBERS, moment_error
+from rotorid.fitting.flight.motion import Motion, motion
+from rotorid.fitting.problem import Part
+from rotorid.models.flight import FLIGHT_PARAMETERS
+from rotorid.models.motors import SPIN_UP
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.next_flight import random_effects_mean
+from rotorid.uncertainty.sandwich import by_blocks
+
+USUAL_FREEDOM = 5.0
+"""Degrees of freedom of the usual scatter: six flights of one vehicle gave it."""
+
+_UNKNOWN_SHARE = 1.0
+"""Of a number of which nobody knows how flights differ: its size."""
+
+_TOGETHER = 0.98
+"""Correlation of thrust without inflow and what inflow takes, between flights."""
+
+_FEWEST = 2
+_THINNED_HZ = 50.0
+_STEP = 1e-4
+_LEAST_STEPS: Mapping[str, float] = {"s": 1e-3, "m": 1e-4, "m/s": 1e-2}
+
+
+class OneFlight(NamedTuple):
+    """Numbers that one flight shows alone, and their deviations within it."""
+
+    values: Mapping[str, float]
+    stds: Mapping[str, float]
+
+
+def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices | None = None) -> FlightFit:
+    """A fit with the errors of its numbers.
+
+    Parameters
+    ----------
+    fit
+        Of :func:`rotorid.fitting.flight.fit.fit_flight`.
+    records
+        The flights that were fitted.
+    choices
+        As for the fit: several flights are fitted alone too.
+    """
+    records = tuple(records)
+    names = fit.free
+    random = _within(fit, records, names)
+    alone = flights_alone(fit, records, choices or FlightChoices())
+    total = random.copy()
+    measured = False
+    spread, between = np.zeros(len(names)), np.zeros(len(names))
+    for place, name in enumerate(names):
+        usual = usual_scatter(name, fit.values[name])
+        shown = [one for one in alone if name in one.values]
+        known = [one.stds[name] for one in shown]
+        scatter, count = usual, max(len(shown), 1)
+        if len(shown) > 1:
+            values = np.array([one.values[name] for one in shown])
+            scatter = pooled_scatter(usual, values, np.array(known))
+            measured = True
+        freedom = USUAL_FREEDOM + count - 1.0
+        factor = float(stdtrit(freedom, 0.975)) / TWO_SIDED_95
+        total[place] *= factor
+        total[:, place] *= factor
+        between[place] = factor * scatter
+        spread[place] = between[place] / np.sqrt(count)
+    total += np.outer(spread, spread) * _correlation(names)
+    how = "flights" if measured else "assumed"
+    errors = FlightErrors(names=names, covariance=total, random=random, how=how, scatter=between)
+    return replace(fit, errors=errors)
+
+
+def pooled_scatter(usual: float, values: FloatArray, stds: FloatArray) -> float:
+    """Scatter between flights, of experience and of what these flights show.
+
+    Examples
+    --------
+    >>> round(pooled_scatter(1.0, np.array([1.0, 5.0]), np.array([0.1, 0.1])), 2)
+    1.47
+    """
+    _, _, here = random_effects_mean(values, stds)
+    more = values.size - 1.0
+    return float(np.sqrt((USUAL_FREEDOM * usual**2 + more * here**2) / (USUAL_FREEDOM + more)))
+
+
+def usual_scatter(name: str, value: float) -> float:
+    """By how much a number usually differs between flights of one vehicle; its size where nobody knows."""
+    about = FLIGHT_PARAMETERS[name]
+    share = _UNKNOWN_SHARE if about.scatter is None else about.scatter
+    return share if about.absolute else share * abs(value)
+
+
+def flights_alone(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices) -> tuple[OneFlight, ...]:
+    """What each flight shows alone, with the terms of all; stretches of one log are one flight.
+
+    Flights that show nothing are left out, and so are numbers that end on a bound.
+    """
+    flights: dict[str, list[int]] = {}
+    for place, record in enumerate(records):
+        flights.setdefault(record.name, []).append(place)
+    if len(flights) < _FEWEST:
+        return ()
+    found = []
+    for places in flights.values():
+        own = replace(
+            choices,
+            terms=fit.entered,
+            velocity=fit.velocity,
+            cutoff_hz=choices.cutoff_hz or fit.cutoff_hz,
+            skews_s=tuple(float(fit.skews_s[place]) for place in places),
+            predictor=False,
+        )
+        stretches = [records[place] for place in places]
+        try:
+            alone = fit_flight(stretches, fit.airframe, own)
+        except (InsufficientDataError, ModelError):
+            continue
+        shown = (name for name in alone.free if name in fit.free and name not in alone.missing)
+        names = tuple(name for name in shown if alone.values[name] != 0.0)
+        stds = np.sqrt(np.maximum(_within(alone, stretches, names).diagonal(), 0.0))
+        found.append(
+            OneFlight(
+                {name: alone.values[name] for name in names},
+                {name: float(std) for name, std in zip(names, stds, strict=True)},
+            )
+        )
+    return tuple(found)
+
+
+def _correlation(names: Sequence[str]) -> FloatArray:
+    """Of the scatter between flights."""
+    found = np.eye(len(names))
+    if {"c_2", "c_lambda"} <= set(names):
+        first, second = names.index("c_2"), names.index("c_lambda")
+        found[first, second] = found[second, first] = _TOGETHER
+    return found
+
+
+def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> FloatArray:
+    """Covariance by blocks, shape ``(p, p)``: forces, each band, and moments of the air, one after the other."""
+    found = np.zeros((len(names), len(names)))
+    force = [name for name in names if name not in MOMENT_NUMBERS]
+    air = [name for name in names if name in AIR_TERMS]
+    for group, parts in ((force, _force_parts), (air, _air_parts)):
+        if group:
+            places = [names.index(name) for name in group]
+            found[np.ix_(places, places)] = by_blocks(parts(fit, records, group))[: len(group), : len(group)]
+    for name, std in _band_stds(fit).items():
+        if name in names:
+            found[names.index(name), names.index(name)] = std**2
+    return found
+
+
+def _force_parts(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> list[Part]:
+    """Errors of specific force and their slopes, axes together, those by the winds of all records at the end."""
+    blown = [bool(np.isfinite(wind).all()) for wind in fit.winds]
+    parts = []
+    for place, (record, skew_s) in enumerate(zip(records, fit.skews_s.tolist(), strict=True)):
+        every = max(1, round(record.sample_rate_hz / _THINNED_HZ))
+
+        def left(
+            values: Mapping[str, float],
+            record: MotorRecord = record,
+            wind: FloatArray = fit.winds[place],
+            skew_s: float = skew_s,
+            every: int = every,
+        ) -> FloatArray:
+            driven = motion(record, values, kind=fit.velocity, wind=wind + _more_wind(values), skew_s=skew_s)
+            made = predicted_force(values, fit.airframe, record, driven, fit.cutoff_hz)
+            return np.asarray((made - record.force)[:, ::every])
+
+        part = _part(left, fit.values, (*names, *(_WINDS if blown[place] else ())), record.sample_rate_hz / every)
+        slopes = np.zeros((*part.slopes.shape[:2], len(names) + 2 * len(records)))
+        slopes[..., : len(names)] = part.slopes[..., : len(names)]
+        if blown[place]:
+            slopes[..., len(names) + 2 * place : len(names) + 2 * place + 2] = part.slopes[..., len(names) :]
+        parts.append(part._replace(slopes=slopes))
+    return parts
+
+
+_WINDS = ("wind_north", "wind_east")
+
+
+def _more_wind(values: Mapping[str, float]) -> FloatArray:
+    return np.array([values.get(name, 0.0) for name in _WINDS])
+
+
+def _air_parts(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> list[Part]:
+    """Errors of moment and their slopes by moments of the air, axes together."""
+    delays = fit.moments.delays_s.tolist() if fit.moments is not None else [0.0] * len(records)
+    parts = []
+    for record, driven, delay_s in zip(records, fitted_motion(fit, records), delays, strict=True):
+
+        def left(
+            values: Mapping[str, float],
+            record: MotorRecord = record,
+            driven: Motion = driven,
+            delay_s: float = delay_s,
+        ) -> FloatArray:
+            # An axis without inertia counts for nothing.
+            return np.nan_to_num(moment_error(values, fit.airframe, record, driven, delay_s=delay_s))
+
+        rate_hz = left(fit.values).shape[1] / record.duration_s
+        parts.append(_part(left, fit.values, names, rate_hz))
+    return parts
+
+
+def _part(
+    left: Callable[[Mapping[str, float]], FloatArray],
+    values: Mapping[str, float],
+    names: Sequence[str],
+    rate_hz: float,
+) -> Part:
+    """Errors ``(n, 3)`` and their slopes by numbers, from small steps."""
+    here = left(values)
+    slopes = []
+    for name in names:
+        value = values.get(name, 0.0)
+        unit = FLIGHT_PARAMETERS[name].unit if name in FLIGHT_PARAMETERS else "m/s"
+        step = max(_STEP * abs(value), _LEAST_STEPS.get(unit, 1e-12))
+        slopes.append((left({**values, name: value + step}) - here) / step)
+    return Part(here.T, np.stack(slopes, axis=-1).swapaxes(0, 1), np.zeros((here.shape[1], 3, 0)), rate_hz)
+
+
+def _band_stds(fit: FlightFit) -> dict[str, float]:
+    """Deviations of inertia and of what yaw shows, within flights: means of flights, each by blocks."""
+    if fit.moments is None:
+        return {}
+    variances: dict[str, list[float]] = {}
+    for alone in fit.moments.alone:
+        for chain in alone.chains:
+            rate_hz = chain.problem.records[0].sample_rate_hz
+            parts = [part._replace(sample_rate_hz=rate_hz) for part in chain.parts()]
+            for name, variance in zip(chain.moving, by_blocks(parts).diagonal(), strict=True):
+                variances.setdefault(name, []).append(float(variance))
+    stds = {name: float(np.sqrt(sum(each)) / len(each)) for name, each in variances.items()}
+    inertia = fit.values.get("I_zz", 0.0)
+    found: dict[str, float] = {name: stds[name] for name in ("I_xx", "I_yy") if name in stds}
+    if SPIN_UP in stds:
+        found["J_r"] = stds[SPIN_UP] * inertia
+    if "kappa_per_I_zz" in stds:
+        found["kappa"] = stds["kappa_per_I_zz"] * inertia
+        if "kappa" in fit.values and inertia:
+            found["I_zz"] = stds["kappa_per_I_zz"] * inertia**2 / fit.values["kappa"]
+    return found

@@ -1,0 +1,67 @@
+"""Intervals of the physics of flight hold the truth, and say where the scatter between flights comes from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
+
+from rotorid.fitting.flight.fit import FlightChoices, fit_flight
+from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
+
+CHOICES = FlightChoices(values={"I_zz": TRUTH["I_zz"], "T_thrust": 0.0}, wind=False, terms=("m_f",), cutoff_hz=90.0)
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return [made_up_flight(seed, gusts_nm=0.003, seconds=14.0) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def one(flights):
+    return with_errors(fit_flight(flights[:1], FRAME, CHOICES), flights[:1], CHOICES)
+
+
+@pytest.fixture(scope="module")
+def two(flights):
+    return with_errors(fit_flight(flights, FRAME, CHOICES), flights, CHOICES)
+
+
+def test_intervals_hold_the_truth(one, two) -> None:
+    for fit in (one, two):
+        assert fit.errors.names == fit.free
+        missed = [
+            name
+            for name in set(fit.free) & TRUTH.keys()
+            if abs(fit.values[name] - TRUTH[name]) > 1.96 * fit.errors.std(name)
+        ]
+        assert not missed
+
+
+def test_a_single_flight_has_the_usual_scatter_and_says_so(one) -> None:
+    assert one.errors.how == "assumed"
+    for name in ("k_d", "I_xx", "m_f"):
+        assert one.errors.std(name) > usual_scatter(name, one.values[name])
+    assert one.errors.std("k_d") < 0.05 * one.values["k_d"]
+
+
+def test_flights_that_agree_say_how_much_they_scatter(one, two) -> None:
+    assert two.errors.how == "flights"
+    assert two.errors.std("I_xx") < one.errors.std("I_xx")
+
+
+def test_random_errors_are_a_part(two) -> None:
+    assert np.all(two.errors.random.diagonal() < two.errors.covariance.diagonal())
+    size = np.sqrt(two.errors.covariance.diagonal())
+    assert np.all(np.linalg.eigvalsh(two.errors.covariance / np.outer(size, size)) > 0.0)
+
+
+def test_another_flight_lies_farther_off_than_the_vehicle(two) -> None:
+    assert two.errors.std_of_another("I_xx") > 1.5 * two.errors.std("I_xx")
+
+
+def test_stretches_of_one_log_are_one_flight(flights) -> None:
+    stretches = [replace(record, name="log") for record in flights]
+    assert flights_alone(fit_flight(stretches, FRAME, CHOICES), stretches, CHOICES) == ()
