@@ -82,7 +82,7 @@ def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightC
         As for the fit: several flights are fitted alone too.
     """
     records = tuple(records)
-    names = fit.free
+    names = tuple(name for name in fit.free if name in fit.values)
     random = _within(fit, records, names)
     alone = flights_alone(fit, records, choices or FlightChoices())
     total = random.copy()
@@ -155,7 +155,7 @@ def flights_alone(fit: FlightFit, records: Sequence[MotorRecord], choices: Fligh
         except (InsufficientDataError, ModelError):
             continue
         shown = (name for name in alone.free if name in fit.free and name not in alone.missing)
-        names = tuple(name for name in shown if alone.values[name] != 0.0)
+        names = tuple(name for name in shown if alone.values.get(name, 0.0) != 0.0)
         stds = np.sqrt(np.maximum(_within(alone, stretches, names).diagonal(), 0.0))
         found.append(
             OneFlight(

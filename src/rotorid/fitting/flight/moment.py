@@ -11,7 +11,7 @@ of 0.8 at 8 Hz in agile flights). So
   :math:`\dot p = M / I_{xx} - q r`, :math:`\dot q = M / I_{yy} + p r`, which are taken out before.
 - **moments of the air** are what motors and inertia leave at all frequencies, linear in their coefficients. They are on
   the left-hand side of the loop together with the motors, whose answer is known, so that a regression on motion finds
-  them. Beyond the first they enter only if they lower the error of data that were not fitted.
+  them. They enter only if they lower the error of data that were not fitted, and of no flight raise it.
 
 The *predictor* frees everything over all frequencies. It predicts flights under the same controller better, is another
 vehicle than that which flew, and is kept apart.
@@ -636,14 +636,13 @@ def _folds(rows: Sequence[_Rows]) -> list[tuple[list[_Rows], _Rows]]:
     return [([other for other in parts if other is not part], part) for part in parts]
 
 
-def _judged(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> float:
-    """Error of moment on what was not fitted, N m."""
-    square, samples = 0.0, 0
+def _judged(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> FloatArray:
+    """Mean square of the error of moment of each part that was not fitted, N² m², by its share of the samples."""
+    squares, samples = [], sum(row.left.shape[1] for row in rows)
     for fitted, judged in _folds(rows):
         found = _solved(fitted, names, axes) if names else np.zeros(0)
-        rest = _rest(judged, names, found)[axes]
-        square, samples = square + float((rest**2).sum()), samples + rest.shape[1]
-    return float(np.sqrt(square / samples))
+        squares.append(float((_rest(judged, names, found)[axes] ** 2).sum()) / samples)
+    return np.array(squares)
 
 
 def _climbed(
@@ -664,8 +663,10 @@ def _climbed(
             missing["m_f"] = f"the flight is slower than {LEAST_AIRSPEED_M_S:g} m/s"
             continue
         after = _judged(rows, [*names, *tried], axes)
-        entered = after < (1.0 - choices.least_gain) * before
-        ladder.append(MomentRung(tuple(tried), before, after, entered))
+        rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))
+        # A gain of the wildest flight alone is none of the vehicle.
+        entered = rms_after < (1.0 - choices.least_gain) * rms and bool(np.all(after <= before))
+        ladder.append(MomentRung(tuple(tried), rms, rms_after, entered))
         if entered:
             names, before = [*names, *tried], after
     found = _solved(rows, names, axes) if names else np.zeros(0)
