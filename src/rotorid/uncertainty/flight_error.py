@@ -104,6 +104,8 @@ def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightC
         between[place] = factor * scatter
         spread[place] = between[place] / np.sqrt(count)
     total += np.outer(spread, spread) * _correlation(names)
+    # Squares of deviations, so that saved ones give them back to the last digit.
+    np.fill_diagonal(total, np.sqrt(total.diagonal()) ** 2)
     how = "flights" if measured else "assumed"
     errors = FlightErrors(names=names, covariance=total, random=random, how=how, scatter=between)
     return replace(fit, errors=errors)
@@ -129,7 +131,9 @@ def usual_scatter(name: str, value: float) -> float:
     return share if about.absolute else share * abs(value)
 
 
-def flights_alone(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices) -> tuple[OneFlight, ...]:
+def flights_alone(
+    fit: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices, *, fewest: int = _FEWEST
+) -> tuple[OneFlight, ...]:
     """What each flight shows alone, with the terms of all; stretches of one log are one flight.
 
     Flights that show nothing are left out, and so are numbers that end on a bound.
@@ -137,7 +141,7 @@ def flights_alone(fit: FlightFit, records: Sequence[MotorRecord], choices: Fligh
     flights: dict[str, list[int]] = {}
     for place, record in enumerate(records):
         flights.setdefault(record.name, []).append(place)
-    if len(flights) < _FEWEST:
+    if len(flights) < fewest:
         return ()
     found = []
     for places in flights.values():

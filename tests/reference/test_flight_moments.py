@@ -1,0 +1,175 @@
+"""Moments of three public flights of a racing quadrotor, each predicted by a fit of the two others.
+
+Errors are those of angular acceleration in units of moment by the published inertia, behind a low-pass of 25 Hz without
+phase: a scale that inertia and moment share moves nothing. Root mean squares of the length of the vector, pooled over
+samples. No moment at all would be wrong by 24.4 mN m, what NeuroBEM's network leaves is 9.2 mN m, and a differentiator
+of the logged rates that knows no model leaves 12.8 mN m on six flights of the set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rotorid
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
+from rotorid.fitting.flight.moment import moment_error
+from rotorid.fitting.flight.motion import motion
+from rotorid.models.flight import Airframe
+from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+FLIGHTS = {"d": "20210218171908seg2", "g": "20210223104803seg2", "h": "20210223114138seg3"}
+INERTIA = np.array([2.52e-3, 2.14e-3, 4.36e-3])
+"""As published, kg m²."""
+
+FRAME = Airframe(
+    positions=np.array([[-0.075, 0.1, 0.0], [0.075, 0.1, 0.0], [-0.075, -0.1, 0.0], [0.075, -0.1, 0.0]]),
+    spins=np.array([-1.0, 1.0, 1.0, -1.0]),
+    mass_kg=0.752,
+    disc_m2=np.pi * 0.0646**2,
+)
+PLAIN = FlightChoices(terms=("m_f",), predictor=True)
+
+
+@pytest.fixture(scope="module")
+def records(unpacked: Callable[[str], Path]) -> dict[str, MotorRecord]:
+    return {key: _record(unpacked(f"flight/neurobem_{name}.mat.xz"), key) for key, name in FLIGHTS.items()}
+
+
+def _record(path: Path, name: str) -> MotorRecord:
+    log = rotorid.read(path, mapping=DOCS / "mappings" / "neurobem.toml", sandbox=False)
+
+    def rows(names: str) -> np.ndarray:
+        return np.stack([log[channel].values for channel in names.split()])
+
+    force = rows("ax ay az")
+    return MotorRecord(
+        name=name,
+        sample_rate_hz=400.0,
+        outputs=rows("motor_speed_1 motor_speed_2 motor_speed_3 motor_speed_4"),
+        rates=rows("p q r"),
+        az=force[2],
+        force=force,
+        velocity=rows("u v w"),
+        attitude=rows("phi theta psi"),
+        between="lines",
+    )
+
+
+def others(records: Mapping[str, MotorRecord], key: str) -> list[MotorRecord]:
+    return [record for name, record in records.items() if name != key]
+
+
+@pytest.fixture(scope="module")
+def fits(records: dict[str, MotorRecord]) -> dict[str, FlightFit]:
+    """Fits without the flight of the key."""
+    return {key: fit_flight(others(records, key), FRAME, PLAIN) for key in records}
+
+
+def left_nm(fit: FlightFit, record: MotorRecord, *, predictor: bool = False) -> np.ndarray:
+    assert fit.moments is not None
+    return moment_error(
+        fit.values,
+        FRAME,
+        record,
+        motion(record, fit.values, kind=fit.velocity),
+        delay_s=fit.moments.delay_s,
+        inertia=INERTIA,
+        predictor=fit.predictor if predictor else None,
+    )
+
+
+def pooled_mnm(fits: Mapping[str, FlightFit], records: Mapping[str, MotorRecord], *, predictor: bool = False) -> float:
+    left = np.concatenate([left_nm(fits[key], records[key], predictor=predictor) for key in records], axis=1)
+    return 1e3 * float(np.sqrt((left**2).sum(axis=0).mean()))
+
+
+def test_moments_of_an_unseen_flight_by_twelve_numbers(
+    fits: dict[str, FlightFit], records: dict[str, MotorRecord]
+) -> None:
+    """21.1 mN m of the vehicle, not of a predictor; 32 with a hub moment by the whole inflow."""
+    assert max(len(fit.free) for fit in fits.values()) <= 12
+    assert pooled_mnm(fits, records) < 21.5
+
+
+def test_moments_of_an_unseen_flight_by_the_whole_ladder(records: dict[str, MotorRecord]) -> None:
+    """21.3 mN m."""
+    whole = {key: fit_flight(others(records, key), FRAME) for key in records}
+    assert max(len(fit.free) for fit in whole.values()) <= 25
+    assert pooled_mnm(whole, records) < 22.0
+
+
+def test_the_predictor_is_better_and_another_vehicle(
+    fits: dict[str, FlightFit], records: dict[str, MotorRecord]
+) -> None:
+    """18.7 mN m with half of the torque."""
+    assert pooled_mnm(fits, records, predictor=True) < 20.0
+    assert all(fit.predictor["gain_q"] < 0.7 for fit in fits.values())
+
+
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="21 mN m: below 2 Hz motors and air cancel to a tenth, and what differs is no function of speed and motion",
+)
+def test_moments_of_an_unseen_flight_to_fifteen(fits: dict[str, FlightFit], records: dict[str, MotorRecord]) -> None:
+    assert pooled_mnm(fits, records) < 15.0
+
+
+@pytest.fixture(scope="module")
+def alone(records: dict[str, MotorRecord]) -> dict[str, FlightFit]:
+    return {key: fit_flight([record], FRAME, PLAIN) for key, record in records.items()}
+
+
+def test_every_flight_shows_the_same_inertia(alone: dict[str, FlightFit]) -> None:
+    """3.03, 3.28, 3.57 and 3.01, 3.22, 3.38 g m²: eight and six percent."""
+    for name in ("I_xx", "I_yy"):
+        found = np.array([fit.values[name] for fit in alone.values()])
+        assert found.std(ddof=1) / found.mean() < 0.09
+
+
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="3.3 and 3.2 instead of 2.52 and 2.14 g m²: a newton between rotors turns this vehicle by 0.77 "
+    "and 0.67 of what published levers and inertia say, alike from 1 to 16 Hz and in all flights",
+)
+def test_inertia_is_that_which_was_published(records: dict[str, MotorRecord]) -> None:
+    every = list(records.values())
+    fit = with_errors(fit_flight(every, FRAME, PLAIN), every, PLAIN)
+    assert fit.errors is not None
+    for name, known in zip(("I_xx", "I_yy"), INERTIA, strict=False):
+        assert abs(fit.values[name] - known) < 1.96 * fit.errors.std(name)
+
+
+class Covered:
+    """Numbers of flights that were left out, as alone and as intervals of the others."""
+
+    def __init__(self, records: Mapping[str, MotorRecord]) -> None:
+        self.inside: list[bool] = []
+        self.widths: list[float] = []
+        for key, record in records.items():
+            fitted = others(records, key)
+            fit = with_errors(fit_flight(fitted, FRAME, PLAIN), fitted, PLAIN)
+            assert fit.errors is not None
+            same = replace(fit, skews_s=np.zeros(2))
+            (one,) = flights_alone(same, [record], PLAIN, fewest=1)
+            for name in one.values.keys() & set(fit.errors.names):
+                half = 1.96 * float(np.hypot(fit.errors.std_of_another(name), one.stds[name]))
+                self.inside.append(abs(one.values[name] - fit.values[name]) <= half)
+                self.widths.append(half / usual_scatter(name, fit.values[name]))
+
+
+@pytest.fixture(scope="module")
+def covered(records: dict[str, MotorRecord]) -> Covered:
+    return Covered(records)
+
+
+def test_intervals_hold_on_a_flight_that_was_left_out(covered: Covered) -> None:
+    assert np.mean(covered.inside) >= 0.85
