@@ -348,6 +348,9 @@ KINDS: Mapping[str, Kind] = {
     "disturbed_verification": Kind(
         "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."
     ),
+    "drag_by_tilt": Kind(
+        "info", "Drag by the tilt", "The flight is slow, so that its drag is from the tilt as instrument."
+    ),
     "dropped_parameter": Kind("info", "Parameter dropped", "The data do not show this parameter, so it was dropped."),
     "export_compromise": Kind(
         "warning",

@@ -88,8 +88,8 @@ class FlightParameter(NamedTuple):
 
 FLIGHT_PARAMETERS: Mapping[str, FlightParameter] = {
     "m": FlightParameter("kg", "mass"),
-    "c_0": FlightParameter("N", "thrust of a rotor at rest"),
-    "c_1": FlightParameter("N s/rad", "thrust by speed"),
+    "c_0": FlightParameter("N", "thrust of a rotor at rest", 0.08),
+    "c_1": FlightParameter("N s/rad", "thrust by speed", 0.08),
     "c_2": FlightParameter("N s^2/rad^2", "thrust by speed squared, without inflow", 0.08),
     "c_lambda": FlightParameter("N s^2/(m rad)", "thrust lost to inflow", 0.20),
     "k_d": FlightParameter("N s^2/(m rad)", "rotor drag by speed and airspeed", 0.015),

@@ -16,9 +16,9 @@ DIAMETER_M = 0.2032
 
 
 @lru_cache
-def flown(motors: Motors = "speeds", seed: int = 0, mission: str = "eights") -> FlightTwin:
-    """A flight of 20 s."""
-    return twin(Case("hummingbird", mission, motors, seed=seed, duration_s=20.0))
+def flown(motors: Motors = "speeds", seed: int = 0, mission: str = "eights", duration_s: float = 20.0) -> FlightTwin:
+    """A flight, of 20 s by default."""
+    return twin(Case("hummingbird", mission, motors, seed=seed, duration_s=duration_s))
 
 
 def without(record: FlightRecord, *names: str) -> FlightRecord:

@@ -13,10 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, refusal
+from rotorid.data.quantity import Quantity
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.flight.fitted import FittedFlight, fitted_bounds, fitted_parameters
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.flights.flight_data import FlightMotion
+from rotorid.flights.tilt_drag import tilt_drag_of
 from rotorid.models.motors import check_mean_force
 from rotorid.settings.motors import MotorSettings
 from rotorid.uncertainty.flight_error import with_errors
@@ -44,11 +46,48 @@ def fit_flight_data(data: FlightMotion, choices: MotorSettings) -> FittedFlight:
     _require_motion(data)
     _PROGRESS.info("fitting force and moment of flight")
     known = {name: value for name, value in choices.known.items() if name != "m"}
-    fit = _fitted(data, FlightChoices(values=known, skews_s=data.skews_s, predictor=choices.predictor))
-    parameters = fitted_parameters(data, fit, choices.known)
-    fitted = FittedFlight(data=data, fit=fit, parameters=parameters, bounds=fitted_bounds(fit, parameters))
+    asked = FlightChoices(values=known, skews_s=data.skews_s, predictor=choices.predictor)
+    fit = _fitted(data, asked)
+    drag = _drag_by_tilt(data, fit)
+    if drag is not None:
+        _PROGRESS.info("fitting with the drag that the tilt shows")
+        known = {**known, "k_d": coefficient_of(drag, fit).value}
+        fit = _fitted(data, replace(asked, values=known))
+        fit = replace(fit, missing={name: why for name, why in fit.missing.items() if name != "k_d"})
+    by_tilt = None if drag is None else coefficient_of(drag, fit)
+    parameters = fitted_parameters(data, fit, choices.known, by_tilt=by_tilt is not None)
+    fitted = FittedFlight(
+        data=data,
+        fit=fit,
+        parameters=parameters,
+        bounds=fitted_bounds(fit, parameters, by_tilt),
+        by_tilt=drag,
+    )
     _require_physics(fitted)
     return fitted
+
+
+def _drag_by_tilt(data: FlightMotion, fit: FlightFit) -> Quantity | None:
+    """Drag over mass with the tilt as instrument, where the flights are too slow for a plain fit; else ``None``."""
+    if "k_d" not in fit.missing or data.velocity != "measured":
+        return None
+    logs = {id(flight.record): flight.record for flight in data.flights}.values()
+    spans = [
+        (log, tuple((f.maneuver.start_s, f.maneuver.stop_s) for f in data.flights if f.record is log)) for log in logs
+    ]
+    try:
+        return tilt_drag_of(spans).drag
+    except InsufficientDataError:
+        return None
+
+
+def coefficient_of(drag: Quantity, fit: FlightFit) -> Quantity:
+    r"""The coefficient that gives a drag over mass in hover.
+
+    .. math:: k_d = m D / (n \Omega_h)
+    """
+    factor = fit.airframe.mass_kg / (fit.airframe.rotors * fit.hover.speed)
+    return Quantity.normal(factor * drag.value, factor * drag.std, "")
 
 
 def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:

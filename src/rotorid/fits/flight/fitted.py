@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable
+from rotorid.data.quantity import Quantity
 from rotorid.fits.flight.hover import flight_units, hover_numbers, hover_structure
 from rotorid.fitting.flight.fit import FlightFit, predicted_force
 from rotorid.fitting.flight.motion import motion
@@ -71,12 +72,15 @@ class FittedFlight(Immutable):
         The identified values with their units, and what was known.
     bounds
         Their uncertainty.
+    by_tilt
+        Drag over mass, 1/s, where it is from the tilt as instrument; the flights were too slow for a plain fit.
     """
 
     data: FlightMotion
     fit: FlightFit
     parameters: ParameterSet
     bounds: Bounds
+    by_tilt: Quantity | None = None
 
     @property
     def listed(self) -> ParameterSet:
@@ -101,13 +105,12 @@ class FittedFlight(Immutable):
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """Axes of the accelerometer that move."""
-        moved = [
+        """Axes of the accelerometer that move; of others a fit would only show their noise."""
+        return tuple(
             name
             for row, name in enumerate(ACCELERATIONS)
             if max(float(_slow(flown, flown.measured)[row].std()) for flown in self.predicted) >= _MOVED_M_S2
-        ]
-        return tuple(moved or ACCELERATIONS[2:])
+        )
 
     @cached_property
     def structure(self) -> LinearStructure:
@@ -119,7 +122,11 @@ class FittedFlight(Immutable):
     def hover(self) -> dict[str, Derived]:
         """What holds in hover and does not trade as coefficients do, see :func:`hover_numbers`."""
         scaled, speeds = self.data.given.scaled, self.data.kind == "speed"
-        return hover_numbers(self.fit, self.bounds, scaled=scaled, speeds=speeds)
+        found = hover_numbers(self.fit, self.bounds, scaled=scaled, speeds=speeds)
+        if self.by_tilt is not None:
+            # Drag over mass was found, and the coefficient follows from it.
+            found["drag"] = Derived(value=self.by_tilt.value, std=self.by_tilt.std, unit="1/s")
+        return found
 
 
 _BINS, _LEAST_BIN_S = 12, 1.0
@@ -147,8 +154,11 @@ def drag_points(fitted: FittedFlight) -> tuple[DragPoint, ...]:
     )
 
 
-def fitted_parameters(data: FlightMotion, fit: FlightFit, known: Mapping[str, float]) -> ParameterSet:
+def fitted_parameters(
+    data: FlightMotion, fit: FlightFit, known: Mapping[str, float], *, by_tilt: bool = False
+) -> ParameterSet:
     """The values of a fit with units and status, in the order of tables."""
+    free = {*fit.free, *(("k_d",) if by_tilt else ())}
     units = flight_units(scaled=data.given.scaled, speeds=data.kind == "speed")
     values = {**known, **fit.values, "m": data.given.airframe.mass_kg}
     if not {"kappa", "I_zz"} <= set(values):
@@ -162,7 +172,7 @@ def fitted_parameters(data: FlightMotion, fit: FlightFit, known: Mapping[str, fl
                 unit=units[name],
                 lower=-np.inf,
                 upper=np.inf,
-                status="free" if name in fit.free else "fixed",
+                status="free" if name in free else "fixed",
             )
             for name in FLIGHT_PARAMETERS
             if name in values
@@ -170,15 +180,26 @@ def fitted_parameters(data: FlightMotion, fit: FlightFit, known: Mapping[str, fl
     )
 
 
-def fitted_bounds(fit: FlightFit, parameters: ParameterSet) -> Bounds:
-    """The covariance of a fit as bounds; the usual scatter between flights where it has none."""
+def fitted_bounds(fit: FlightFit, parameters: ParameterSet, by_tilt: Quantity | None = None) -> Bounds:
+    """The covariance of a fit as bounds; the usual scatter between flights where it has none.
+
+    Parameters
+    ----------
+    by_tilt
+        ``k_d``, where the tilt gave it.
+    """
     names = parameters.free
-    if fit.errors is None:
-        usual = np.diag([_usual_scatter(name, parameters[name].value) ** 2 for name in names])
-        return bounds_of_covariance(names, usual, usual)
-    rows = [fit.errors.names.index(name) for name in names]
-    picked = np.ix_(rows, rows)
-    return bounds_of_covariance(names, fit.errors.covariance[picked], fit.errors.random[picked])
+    covariance = np.diag([_usual_scatter(name, parameters[name].value) ** 2 for name in names])
+    random = covariance.copy()
+    if fit.errors is not None:
+        own = [name for name in names if name in fit.errors.names]
+        here, there = ([of.index(name) for name in own] for of in (names, fit.errors.names))
+        covariance[np.ix_(here, here)] = fit.errors.covariance[np.ix_(there, there)]
+        random[np.ix_(here, here)] = fit.errors.random[np.ix_(there, there)]
+    if by_tilt is not None:
+        row = names.index("k_d")
+        covariance[row, row] = random[row, row] = by_tilt.std**2
+    return bounds_of_covariance(names, covariance, random)
 
 
 def _usual_scatter(name: str, value: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.quantity import with_error
 from rotorid.fits.flight.fit import mean_force_findings
 from rotorid.fits.flight.fitted import FittedFlight
 from rotorid.fits.motors.remarks import scale_finding, unused_choices
@@ -33,6 +34,7 @@ def judge_flight(
         *_disc(identified),
         *_velocity(identified),
         *_wind(identified),
+        *_by_tilt(identified),
         *_missing(identified),
         *_torque(identified),
         *_yaw(identified, choices.known),
@@ -93,6 +95,18 @@ def _wind(identified: FittedFlight) -> Iterator[Finding]:
             yield from wind_or_bias(float(np.ptp(np.unwrap(flight.record.attitude[2]))), flight.record.name)
 
 
+def _by_tilt(identified: FittedFlight) -> Iterator[Finding]:
+    if (drag := identified.by_tilt) is not None:
+        yield remark(
+            "drag_by_tilt",
+            "k_d",
+            f"The flights are too slow for k_d by least squares. It is from the tilt as instrument: drag "
+            f"{with_error(drag.value, drag.std)} 1/s.",
+            drag_1_s=drag.value,
+            std_1_s=drag.std,
+        )
+
+
 _NEEDED = {"p": ("I_xx",), "q": ("I_yy",), "r": ("I_zz", "kappa", "J_r")}
 """Rate to the numbers that its torque gives."""
 
@@ -132,9 +146,9 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
             yield warn(
                 "no_excitation",
                 word,
-                f"Not enough data for {listed(names[:2])}: the motors do not explain {word} "
-                f"(correlation by octave: {table}). There they show the controller, not the vehicle. Fly a sweep, "
-                "doublets or sharp maneuvers.",
+                f"Not enough data for {listed(names[:2])}: {word} was not excited enough (correlation of motors and "
+                f"motion by octave: {table}). Without excitation the motors show the controller, not the vehicle. Fly "
+                "a sweep, doublets or sharp maneuvers.",
                 correlation=best.correlation,
             )
         elif any(not octave.kept for octave in own):
