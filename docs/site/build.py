@@ -188,7 +188,7 @@ PARTS = {
         *("mapping", "python", "preferences", "adding"),
     ),
     "Explanation": (
-        *("method", "motors", "time-domain", "searches", "controllers", "accuracy", "limits", "tuning-study"),
+        *("method", "motors", "flight", "time-domain", "searches", "controllers", "accuracy", "limits", "tuning-study"),
         *("peers", "papers", "security", "architecture"),
     ),
     "Reference": (
