@@ -598,7 +598,7 @@ def _flight_support(record: FlightRecord, model: str) -> Support | None:  # noqa
         Need(need="motion through the air", there=enough, found=moved),
         Need(need="the size of the vehicle", there=sized, found="known" if sized else "not in the log"),
     )
-    if refused := _no_vehicle(record) or _limited(record):
+    if refused := _no_vehicle(record) or _limited(record) or never_flown(record):
         return replace(refused, needs=refused.needs or needs)
     missing = next((number for number, need in enumerate(needs) if not need.there), None)
     if missing is None:

@@ -51,6 +51,7 @@ def test_json_holds_the_same_and_nothing_else_comes() -> None:
         *NAMES,
         *RESPONSE_MODELS,
         "physical.motors",
+        "physical.flight",
         "motor.speed",
         *nonlinear_model_names(),
         "transfer:m/n",
