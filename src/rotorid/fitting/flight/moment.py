@@ -41,6 +41,7 @@ from rotorid.models.flight import (
     Airframe,
     flight_columns,
     flight_loads,
+    hover_thrust,
     inflow_thrust,
     rotor_air,
     rotor_thrusts,
@@ -66,8 +67,9 @@ LADDER: tuple[tuple[str, ...], ...] = (("m_f",), ("x_cg", "y_cg"), ("m_s",), ("k
 MOMENT_HZ = 25.0
 """Up to here moments are compared: beyond, differences of gyros are noise."""
 
-LEAST_AIRSPEED_M_S = 3.0
-"""Slower flight shows no hub moment."""
+LEAST_ADVANCE = 0.37
+"""Airspeed over the induced velocity of hover below which a flight shows no hub moment, which goes with their ratio:
+3 m/s of a racing quadrotor, 1.6 m/s of one of 45 g."""
 
 _FITTED_HZ = 150.0
 _COMPARED_HZ = 75.0
@@ -275,8 +277,10 @@ def fit_moments(
         _rows(record, moved, airframe, values, float(late))
         for record, moved, late in zip(records, driven, delays, strict=True)
     ]
+    least_m_s = LEAST_ADVANCE * hover_thrust(values, airframe).induced_m_s
+    slow = "" if _fastest(driven) > least_m_s else f"the flight is slower than {least_m_s:.2g} m/s"
     if axes:
-        air, ladder = _climbed(rows, axes, choices, missing, fast=_fast(driven))
+        air, ladder = _climbed(rows, axes, choices, missing, slow=slow)
     left = [_rest(row, tuple(air), np.array(list(air.values()))) for row in rows]
     unknown = [place for place in range(3) if place not in axes]
     sizes = np.array([np.sqrt(np.mean(one**2, axis=1)) for one in left])
@@ -300,10 +304,9 @@ def fit_moments(
     )
 
 
-def _fast(driven: Sequence[Motion]) -> bool:
-    """Whether a flight reaches the airspeed that hub moments need, for a twentieth of its time."""
-    reached = [np.quantile(np.hypot(moved.velocity[0], moved.velocity[1]), 0.95) for moved in driven]
-    return bool(max(reached) > LEAST_AIRSPEED_M_S)
+def _fastest(driven: Sequence[Motion]) -> float:
+    """Airspeed that a flight exceeds for a twentieth of its time, m/s."""
+    return float(max(np.quantile(np.hypot(moved.velocity[0], moved.velocity[1]), 0.95) for moved in driven))
 
 
 def moment_error(
@@ -646,7 +649,7 @@ def _judged(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) ->
 
 
 def _climbed(
-    rows: Sequence[_Rows], axes: Sequence[int], choices: MomentChoices, missing: dict[str, str], fast: bool
+    rows: Sequence[_Rows], axes: Sequence[int], choices: MomentChoices, missing: dict[str, str], slow: str
 ) -> tuple[dict[str, float], tuple[MomentRung, ...]]:
     """Moments of the air that make data better which were not fitted, and what was tried."""
     known = {name: choices.known[name] for name in AIR_TERMS if name in choices.known}
@@ -659,8 +662,8 @@ def _climbed(
         tried = [name for name in terms if name not in known and (choices.terms is None or name in choices.terms)]
         if not tried or not any(_acts(rows, name, axes) for name in tried):
             continue
-        if "m_f" in tried and not fast:
-            missing["m_f"] = f"the flight is slower than {LEAST_AIRSPEED_M_S:g} m/s"
+        if "m_f" in tried and slow:
+            missing["m_f"] = slow
             continue
         after = _judged(rows, [*names, *tried], axes)
         rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))
