@@ -28,9 +28,9 @@ the bias then has a standard deviation of 0.2 m/s², which is an accelerometer m
 The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather. Its
 standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
 coefficients that count. Where something else than drag moves with the tilt, bands from 0.05 Hz or to 0.5 Hz show
-another drag, and the larger difference is part of the error. A share of 1.5 % is added to drag, its spread between
-flights of one vehicle. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus, Lewis, Stock and
-Watson, "HAR inference", 2018).
+another drag, and the larger difference beyond chance is part of the error. A share of 1.5 % is added to drag, its
+spread between flights of one vehicle. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus,
+Lewis, Stock and Watson, "HAR inference", 2018).
 
 Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
 ``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
@@ -546,8 +546,8 @@ class _Solved:
         plain, plain_moved = _fitted(braking, columns, columns)
         # Gusts that the vehicle leans against are slow; what turns with the tilt, as flapping, is fast.
         wide, slow = (0.5 * LOW_HZ, HIGH_HZ), (LOW_HZ, 0.5 * HIGH_HZ)
-        others = [_fitted(*_together(by_log, weights, band))[0][0] for band in (wide, slow)]
-        of_band = max(abs(float(other - found[0])) for other in others)
+        others = [_fitted(*_together(by_log, weights, band)) for band in (wide, slow)]
+        of_band = max(_beyond_chance(other[0] - found[0], _std(shown[0]), _std(moved[0])) for other, shown in others)
         stretches = [stretch for log in by_log for stretch in log]
         motion = sum(float(np.sum(stretch.part(*wide)[1] ** 2)) for stretch in stretches)
         return cls(
@@ -562,6 +562,14 @@ class _Solved:
             speed_m_s=math.sqrt(motion / sum(stretch.seconds for stretch in stretches)),
             weights=tuple(weights),
         )
+
+
+def _beyond_chance(difference: float, *stds: float) -> float:
+    """What random errors of two estimates, one of which has most of the data of the other, leave of their difference.
+
+    The variance of such a difference is the difference of the variances (Hausman, "Specification tests", 1978).
+    """
+    return math.sqrt(max(float(difference) ** 2 - abs(stds[0] ** 2 - stds[1] ** 2), 0.0))
 
 
 def _left(linear: FloatArray, found: FloatArray) -> FloatArray:
