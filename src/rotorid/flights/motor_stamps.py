@@ -53,7 +53,7 @@ from rotorid.flights.motor_band import (
 )
 from rotorid.flights.rotor_order import LEAST_CORRELATION, require_order, rotor_order
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.models.rotors import RotorLayout
+from rotorid.models.rotors import RotorLayout, library_layout
 from rotorid.signal.clock import resample
 from rotorid.signal.kinematics import kinematic_consistency
 from rotorid.signal.motors import Kind
@@ -250,14 +250,15 @@ def motor_skew(record: FlightRecord, layout: RotorLayout, *, intervals: Interval
 
 @cached_by_value
 def stamp_findings(record: FlightRecord) -> tuple[Finding, ...]:
-    """Whether the motors of a log are in step with its gyro, for the layout that the log names.
+    """Whether the motors of a log are in step with its gyro.
 
+    For the layout that the log names; of four motors that no layout is named for, in the order that the flight shows.
     A warning where they surely are not; nothing where they are, where they were logged too slowly to show it, and
     where the motors explain the motion at no lag: gusts alone do that too.
     """
     try:
-        layout = layout_of(record)
-        if fastest_motors(record, layout).sample_rate_hz < LOWEST_RATE_HZ:
+        layout = _layout(record)
+        if layout is None or fastest_motors(record, layout).sample_rate_hz < LOWEST_RATE_HZ:
             return ()
         return motor_skew(record, layout).findings("motors")
     except InsufficientDataError as error:
@@ -265,6 +266,17 @@ def stamp_findings(record: FlightRecord) -> tuple[Finding, ...]:
         return tuple(replace(found, severity="warning") for found in sure)
     except UsageError:
         return ()
+
+
+def _layout(record: FlightRecord) -> RotorLayout | None:
+    """The rotors by the log, else by the flight; ``None`` where neither shows them."""
+    try:
+        return layout_of(record)
+    except (InsufficientDataError, UsageError):
+        quad = library_layout("quad.x")
+        history = fastest_motors(record, quad)
+        fast = history.motors == quad.rotors and history.sample_rate_hz >= LOWEST_RATE_HZ
+        return rotor_order(record, quad).fitting if fast else None
 
 
 def _lag(bands: Sequence[MotorBand], torques: Sequence[FloatArray], axis: int) -> Lag:

@@ -155,5 +155,20 @@ def test_another_number_of_rotors_is_a_mistake_of_the_call() -> None:
         skew_of(a_flight(), library_layout("hexa.x"))
 
 
-def test_a_log_without_a_layout_says_nothing_of_its_stamps() -> None:
-    assert stamp_findings(a_flight(motors_late_s=-1.3)) == ()
+def test_a_log_without_a_layout_is_judged_by_the_order_that_it_shows() -> None:
+    order = [2, 0, 3, 1]
+    flight = a_flight(motors_late_s=-0.04)
+    motors, *others = flight.topics
+    numbered = replace(motors, values=motors.values[order])
+    (finding,) = stamp_findings(replace(flight, topics=(numbered, *others)))
+    assert (finding.kind, finding.severity) == ("motor_stamps", "warning")
+    assert finding.numbers["late_s"] == pytest.approx(0.04, abs=2e-3)
+    assert stamp_findings(a_flight()) == ()
+
+
+def test_a_log_of_slow_or_missing_motors_says_nothing_of_its_stamps() -> None:
+    flight = a_flight(motors_late_s=-0.04)
+    motors, *others = flight.topics
+    slow = replace(motors, time_s=motors.time_s[::10], values=motors.values[:, ::10])
+    assert stamp_findings(replace(flight, topics=(slow, *others))) == ()
+    assert stamp_findings(replace(flight, topics=tuple(others))) == ()
