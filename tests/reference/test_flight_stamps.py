@@ -105,6 +105,18 @@ def test_speeds_of_neurobem_are_in_step(unpacked: Unpacked, name: str) -> None:
     assert found.findings("motors") == ()
 
 
+@pytest.mark.parametrize("name", ["random1_20251017_run4", "square_20251017_run3"])
+def test_the_specific_force_of_idsia_is_turned_into_the_body(unpacked: Unpacked, name: str) -> None:
+    """Its table has it along the axes of the earth; along the body, drag alone is left, and velocities follow it."""
+    record = idsia(unpacked, name)
+    flights = flights_off_ground(record)
+    inside = (record["ax"].time_s > flights[0][0]) & (record["ax"].time_s < flights[0][1])
+    tilt = np.sin(record["theta"].values[inside])
+    assert abs(np.corrcoef(record["ax"].values[inside], tilt)[0, 1]) < 0.5
+    assert float(np.std(record["ax"].values[inside])) < 0.5 * float(np.std(9.81 * tilt))
+    assert velocity_delay(record, flights).correlation["down"] > 0.95
+
+
 def test_the_order_of_no_flight_is_contradicted(unpacked: Unpacked) -> None:
     flights = [
         (idsia(unpacked, name), CRAZYFLIE) for name in (*IDSIA_MS, "multisine_20251017_run4", "square_20251017_run1")

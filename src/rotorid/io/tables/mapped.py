@@ -17,9 +17,10 @@ from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, remark
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import LogError, UsageError
-from rotorid.frames import euler_from_quaternion
+from rotorid.frames import earth_to_body, euler_from_quaternion
 from rotorid.io.tables.exporters import foreign_remedy
 from rotorid.io.tables.mapping import (
+    BODY_VECTORS,
     ONLY_VARIABLE,
     ChannelMapping,
     Clock,
@@ -34,6 +35,7 @@ from rotorid.typing import AnyArray, FloatArray
 from rotorid.units import UNITS_AND_ALIASES, parse_unit
 
 _COMMON_CLOCK = "clock"
+_FIRST = frozenset(channels[0] for channels in BODY_VECTORS.values())
 
 
 def sources_of(mapping: ChannelMapping) -> tuple[str, ...]:
@@ -166,6 +168,11 @@ def _topic(
                 remedy="name the right `time` in the mapping, or the right `row` or `column`",
             )
         values[place] = row if own is None else processed(own.samples, time_s, row, file)
+    for place, own in enumerate(channels):
+        # Vectors stand component by component: forward, right, down.
+        if own.along_world and own.name in _FIRST:
+            rows = slice(place, place + 3)
+            values[rows] = earth_to_body(np.stack(angles), values[rows])
     return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=values)
 
 

@@ -98,12 +98,17 @@ class Clock:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MappedChannel:
-    """A channel, where its samples stand, its own stamps if it has some, and the table that says so."""
+    """A channel, where its samples stand, its own stamps if it has some, and the table that says so.
+
+    ``along_world`` marks a component of a body vector that the file has along north, east or down: all three are turned
+    into the body by the quaternion.
+    """
 
     name: str
     samples: Series
     time: Series | None = None
     where: str = field(default="", compare=False)
+    along_world: bool = False
 
     @property
     def si(self) -> str:
@@ -240,7 +245,7 @@ FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
 _STEPS = ("derivative", "low_pass_hz")
 _CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, *_PLACE_KEYS)
-_VECTOR_KEYS = ("sources", "source", "by", "columns", "unit", "scale", *_PLACE_KEYS)
+_VECTOR_KEYS = ("sources", "source", "by", "columns", "along", "unit", "scale", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
 
@@ -350,6 +355,14 @@ def _check_whole(mapping: ChannelMapping, where: str) -> None:
                 f"{where}: {name} has no stamps",
                 needed="a key `time` in it, or a table [clock] for all",
                 remedy="add one of them; `sample_rate_hz = 250.0` in [clock] is enough for a uniform rate",
+            )
+    for channel in mapping.channels:
+        attitude = mapping.attitude
+        if channel.along_world and (attitude is None or attitude.time != channel.time):
+            raise UsageError(
+                f"{channel.where} is along the world",
+                needed="the attitude at the same stamps, to turn it into the body",
+                remedy="add a table [vectors.quaternion] with the same `time`",
             )
     if "" not in mapping.files:
         raise UsageError(
@@ -568,6 +581,9 @@ def _read_vector(
             remedy=f"did you mean {close}?" if close else "name its parts as channels",
         )
     own = read_frames(values, where, frames)
+    along_world = choice(values, "along", ("body", "world"), "body", where) == "world"
+    if "along" in values and name not in BODY_VECTORS:
+        raise UsageError(f"{where} has `along`", needed=f"it in one of {', '.join(BODY_VECTORS)}", remedy="remove it")
     si = "1" if name == QUATERNION else STANDARD_UNITS[known[name][0]]
     parts = _parts(values, 4 if name == QUATERNION else 3, si, where)
     time = _own_time(values, where)
@@ -577,10 +593,14 @@ def _read_vector(
     if name in ANGLES:
         turned = [own.turned(channel, part) for channel, part in zip(known[name], parts, strict=True)]
     else:
-        axes = signed_axes(own.frame if name in BODY_VECTORS else own.world)
+        axes = signed_axes(own.frame if name in BODY_VECTORS and not along_world else own.world)
         turned = [replace(parts[place], scale=sign * parts[place].scale) for place, sign in axes]
     channels = zip(known[name], turned, strict=True)
-    return tuple(MappedChannel(name=channel, samples=part, time=time, where=where) for channel, part in channels), None
+    found = (
+        MappedChannel(name=channel, samples=part, time=time, where=where, along_world=along_world)
+        for channel, part in channels
+    )
+    return tuple(found), None
 
 
 def read_series(values: Mapping[str, Any], where: str, *, si: str) -> Series:

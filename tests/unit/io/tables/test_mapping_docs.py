@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from rotorid.errors import LogError
+from rotorid.errors import LogError, UsageError
 from rotorid.io.registry import read
 from rotorid.io.tables.mapping import ANGLES, BODY_VECTORS, EARTH_VECTORS, QUATERNION, parse_mapping, read_mapping
 from rotorid.models.rotors import layout_from_toml
@@ -90,3 +90,33 @@ def test_motion_capture_is_turned(tmp_path: Path) -> None:
         },
         abs=1e-12,
     )
+
+
+def test_a_specific_force_along_the_axes_of_the_earth_is_turned_into_the_body(tmp_path: Path) -> None:
+    """A hover that leans 0.3 rad to the right and heads north-west: forward, left, up over a world with z up."""
+    roll, yaw = 0.3, np.pi / 4
+    quaternion = [
+        np.cos(yaw / 2) * np.cos(roll / 2),
+        np.cos(yaw / 2) * np.sin(roll / 2),
+        np.sin(yaw / 2) * np.sin(roll / 2),
+        np.sin(yaw / 2) * np.cos(roll / 2),
+    ]
+    # Thrust of 11 m/s^2 along the body's up axis, seen from the earth: it pulls to the right of the heading.
+    up = 11.0 * np.array([np.sin(yaw) * np.sin(roll), -np.cos(yaw) * np.sin(roll), np.cos(roll)])
+    numbers = ",".join(repr(float(number)) for number in (*quaternion, *up))
+    table = "t,qw,qx,qy,qz,fx,fy,fz\n" + "".join(f"{0.01 * row!r},{numbers}\n" for row in range(60))
+    (tmp_path / "flight.csv").write_text(table)
+    force = {"sources": ["fx", "fy", "fz"], "along": "world"}
+    document = {
+        "frame": "FLU",
+        "world": "NWU",
+        "clock": {"time": {"source": "t"}},
+        "vectors": {"specific_force": force, "quaternion": {"sources": ["qw", "qx", "qy", "qz"]}},
+    }
+    record = read(tmp_path / "flight.csv", mapping=parse_mapping(document))
+    found = [float(record[name].values[5]) for name in ("phi", "ax", "ay", "az")]
+    assert found == pytest.approx([roll, 0.0, 0.0, -11.0], abs=1e-9)
+    with pytest.raises(UsageError, match=r"\[vectors.quaternion\]"):
+        parse_mapping({**document, "vectors": {"specific_force": force}})
+    with pytest.raises(UsageError, match="has `along`"):
+        parse_mapping({**document, "vectors": {"position": force}})
