@@ -97,8 +97,8 @@ def wind_or_bias(turned_rad: float, where: str) -> tuple[Finding, ...]:
     if turned_rad >= YAW_RAD:
         return ()
     message = (
-        f"The heading turned by {math.degrees(turned_rad):.0f}°; wind and accelerometer bias differ from "
-        f"{math.degrees(YAW_RAD):.0f}° on. The bias counts as zero: fly both ways, or turn once while hovering."
+        f"The heading turned by {math.degrees(turned_rad):.0f}°; {math.degrees(YAW_RAD):.0f}° are needed to separate "
+        "wind from accelerometer bias, which counts as zero. Fly both ways, or turn once while hovering."
     )
     return (warn("wind_or_bias", where, message, turned_rad=turned_rad),)
 
