@@ -5,8 +5,10 @@ make them in hover, by outputs from zero to one:
 
 .. math::
 
-    \bar c_2 = c_2 - c_\lambda \frac{v_h}{\Omega_h}, \qquad
-    \bar\kappa = \frac{\kappa \, T_{static}(\Omega_h) + \kappa_\lambda v_h^2}{T(\Omega_h)}
+    \bar c_i = c_i \left(1 - \frac{c_\lambda}{C} \frac{v_h}{\Omega_h}\right), \qquad
+    \bar\kappa = \frac{\kappa \, C \, \Omega_h^2 + \kappa_\lambda v_h^2}{T(\Omega_h)}
+
+with the thrust C without inflow at a speed of one.
 
 What the rotors do to a vehicle that moves follows about hover as derivatives, X_u to N_r.
 """
@@ -21,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rotorid.models.flight import Airframe, hover_thrust, static_thrust
+from rotorid.models.flight import CURVE_TERMS, Airframe, full_thrust, hover_thrust
 from rotorid.simulation.multirotor import RotorFlow
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ AIR_UNITS: Mapping[str, str] = MappingProxyType(
         "c_ha": "N s^2/m^2",
         "c_wake": "N s^2/m^3",
         "d_z": "N s^2/m^2",
-        "m_f": "N s^2/m",
+        "m_f": "N s",
         "m_s": "N s",
         "kappa_lambda": "N s^2/m",
         "k_r": "N m s",
@@ -49,7 +51,7 @@ AIR_UNITS: Mapping[str, str] = MappingProxyType(
 PLACE = ("x_imu", "y_imu", "z_imu")
 """Where the accelerometer is, from the center of gravity, in meters."""
 
-_PER_SPEED = ("c_lambda", "k_d", "c_h", "m_s", "k_r", "J_r")
+_PER_SPEED = ("c_lambda", "k_d", "c_h", "m_f", "m_s", "k_r", "J_r")
 """What is by the speed of a rotor."""
 
 _FLOW: Mapping[str, str] = MappingProxyType(
@@ -59,7 +61,7 @@ _FLOW: Mapping[str, str] = MappingProxyType(
         "edge_speed_lift_n_s2_m2": "c_ha",
         "wake_n_s2_m3": "c_wake",
         "climb_drag_n_s2_m2": "k_w",
-        "flapping_n_s2_m": "m_f",
+        "flapping_n_s": "m_f",
         "side_flapping_n_s": "m_s",
         "inflow_torque_n_s2_m": "kappa_lambda",
         "yaw_damping_n_m_s": "k_r",
@@ -88,14 +90,17 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
     )
     hover = hover_thrust(values, frame)
     found = dict(own)
-    square = values.get("c_2", 0.0) - values.get("c_lambda", 0.0) * hover.induced_m_s / hover.speed
-    alone = not {"c_0", "c_1"} & set(values)
-    if "c_2" in own:
-        stated = flight.hover.get("thrust_coefficient")
-        std = stated.std if alone and stated is not None else _square_std(model, hover.induced_m_s / hover.speed)
-        found["c_2"] = replace(own["c_2"], value=square, std=std)
+    left = hover.coefficient / full_thrust(values)
+    stated = flight.hover.get("thrust_coefficient")
+    for name in CURVE_TERMS:
+        if name in values:
+            std = own[name].std
+            alone = len(set(CURVE_TERMS) & set(values)) == 1 and stated is not None
+            # What inflow and static thrust trade cancels in hover.
+            std = stated.std if alone and stated is not None else None if std is None else left * std
+            found[name] = replace(own[name], value=left * own[name].value, std=std)
     if "kappa" in values:
-        static = float(static_thrust(values, np.array(hover.speed)))
+        static = full_thrust(values) * hover.speed**2
         thrust = hover.coefficient * hover.speed**2
         torque = values["kappa"] * static + values.get("kappa_lambda", 0.0) * hover.induced_m_s**2
         share = torque / thrust / values["kappa"]
@@ -105,15 +110,6 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
         if "I_zz" in values:
             found["kappa_per_I_zz"] = _ratio(found["kappa"], own["I_zz"])
     return found
-
-
-def _square_std(model: IdentifiedModel, per_speed: float) -> float | None:
-    """Of the coefficient in hover at a given speed: what inflow and static thrust trade cancels."""
-    names = model.bounds.names
-    row = np.array([{"c_2": 1.0, "c_lambda": -per_speed}.get(name, 0.0) for name in names])
-    if not row.any():
-        return model.parameters["c_2"].std
-    return float(np.sqrt(max(row @ model.bounds.covariance @ row, 0.0)))
 
 
 def _ratio(kappa: ParameterEstimate, inertia: ParameterEstimate) -> ParameterEstimate:

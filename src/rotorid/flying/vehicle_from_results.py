@@ -997,7 +997,7 @@ def _slope_stds(
     without = {
         "k_d": replace(rotors, induced_drag_n_s_m=0.0),
         "c_lambda": replace(rotors, inflow_n_s_m=0.0),
-        "m_f": replace(rotors, flow=replace(flow, flapping_n_s2_m=0.0)),
+        "m_f": replace(rotors, flow=replace(flow, flapping_n_s=0.0)),
         "k_r": replace(rotors, flow=replace(flow, yaw_damping_n_m_s=0.0)),
     }
     shares: dict[str, FloatArray] = {}
