@@ -692,7 +692,7 @@ class NamedVehicle(Immutable):
 
     @property
     def tested(self) -> FlightRange | None:
-        """Range that it was identified on, rotors by their outputs; ``None`` where no result says so."""
+        """Range that it was identified on, rotors by shares of full speed; ``None`` where no result says so."""
         return None if self.own is None else self.own.tested
 
     @property

@@ -745,7 +745,7 @@ class SimulateSettings(Immutable):
     speed_m_s
         Over ground, forward, at the beginning and at the end of the log; straight in between.
     tested
-        Range that results of the vehicle were identified on, the rotors by their outputs; ``None`` where none says so.
+        Range that results of the vehicle were identified on, rotors by shares of full speed; ``None`` where none says.
     seed
         Of wind, noise and what is drawn.
     """

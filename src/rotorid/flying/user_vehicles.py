@@ -58,7 +58,7 @@ class OwnVehicle(Immutable):
 
     @property
     def tested(self) -> FlightRange | None:
-        """Range that all results together were identified on, rotors by their outputs; ``None`` where none says so."""
+        """Range that all results were identified on, rotors by shares of full speed; ``None`` where none says so."""
         spans = []
         for model in self.joined.models:
             flight, motors = model.flight, model.motors

@@ -623,13 +623,13 @@ def _thrust(
     flown = [
         (model, part)
         for model, part in zip(models, parts, strict=True)
-        if model.motors is not None and {*CURVE_TERMS[_curve(model.motors)]} <= set(part)
+        if model.motors is not None and {*_terms(model, model.motors)} <= set(part)
     ]
     if not flown or set(_TERMS) <= set(known):
         return {}
     first, part = flown[0]
     assert first.motors is not None
-    terms = CURVE_TERMS[_curve(first.motors)]
+    terms = _terms(first, first.motors)
     for model, _ in flown[1:]:
         assert model.motors is not None
         if model.motors.curve != first.motors.curve:
@@ -644,6 +644,11 @@ def _thrust(
     volts = first.motors.reference_v
     alike = [_at_voltage(numbers, volts) for _, numbers in flown]
     return _joint_curve(flown, alike, terms, known) | absent
+
+
+def _terms(model: IdentifiedModel, motors: MotorPhysics) -> tuple[str, ...]:
+    """Coefficients of the curve of a result; the physics of flight has those that its flights show."""
+    return CURVE_TERMS[_curve(motors)] if model.flight is None else tuple(n for n in _TERMS if n in model.parameters)
 
 
 def _curve(motors: MotorPhysics) -> Curve:

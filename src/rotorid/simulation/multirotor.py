@@ -189,6 +189,14 @@ class Rotors(Immutable):
         """Newtons at a speed, away from any motion through the air."""
         return self.thrust[0] + share * (self.thrust[1] + share * self.thrust[2])
 
+    def speed_shares(self, outputs: FloatArray) -> FloatArray:
+        """Shares of the full speed by lagged outputs: with a flow, what the square of is thrust; else the outputs."""
+        if self.flow is None:
+            return outputs
+        c_0, c_1, c_2 = self.thrust
+        thrust_n = c_0 + outputs * (c_1 + outputs * c_2)
+        return np.asarray(np.sqrt(np.maximum(thrust_n, 0.0) / self.thrust_at(1.0)))
+
     def share_of(self, thrust_n: float) -> float:
         """Speed that makes a thrust where thrust rises with speed, as a share of the largest.
 

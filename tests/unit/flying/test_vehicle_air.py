@@ -37,7 +37,7 @@ def _moving(body: Multirotor) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("values", [OF_OUTPUTS, FULL], ids=["basic", "full"])
+@pytest.mark.parametrize("values", [OF_OUTPUTS, FULL, {**FULL, "c_1": 3.0}], ids=["basic", "full", "bent"])
 def test_the_vehicle_that_flew_comes_out(values: Mapping[str, float]) -> None:
     joined = joined_vehicle([flight(values)])
     np.testing.assert_allclose(_moving(require(joined, target="test")), _moving(vehicle(values)), rtol=1e-9, atol=1e-9)
@@ -105,12 +105,12 @@ def test_simulations_say_when_they_leave_the_range() -> None:
     assert tested.load == LIMITS.load
     assert own.aircraft.sensors.accelerometer_place_m == (0.02, -0.01, 0.03)
     flown = fly_multirotor(own.aircraft, duration_s=4.0)
-    assert beyond_tested("calm", flown, tested) == []
+    assert beyond_tested("calm", flown, tested, own.aircraft.vehicle.rotors) == []
     fast = fly_multirotor(own.aircraft, duration_s=4.0, speed_m_s=(12.0, 12.0))
-    (found,) = beyond_tested("fast", fast, tested)
+    (found,) = beyond_tested("fast", fast, tested, own.aircraft.vehicle.rotors)
     assert found.kind == "beyond_range"
     assert found.numbers["airspeed"] > 50.0
-    assert beyond_tested("fast", fast, None) == []
+    assert beyond_tested("fast", fast, None, own.aircraft.vehicle.rotors) == []
 
 
 def test_the_range_of_speeds_is_one_of_outputs() -> None:
