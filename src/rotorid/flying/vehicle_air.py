@@ -21,9 +21,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from rotorid.models.flight import CURVE_TERMS, Airframe, full_thrust, hover_thrust
+from rotorid.models.flight import CURVE_TERMS, full_thrust, hover_thrust
+from rotorid.results.summary import airframe_of
 from rotorid.simulation.multirotor import RotorFlow
 
 if TYPE_CHECKING:
@@ -81,14 +80,7 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
     if flight is None or motors is None:
         return own
     values = {name: estimate.value for name, estimate in own.items() if estimate.status != "dropped"}
-    frame = Airframe(
-        positions=np.array(motors.rotors),
-        spins=np.array(motors.spins),
-        mass_kg=values["m"],
-        disc_m2=flight.disc_m2,
-        density_kg_m3=flight.density_kg_m3,
-    )
-    hover = hover_thrust(values, frame)
+    hover = hover_thrust(values, airframe_of(motors, flight, values["m"]))
     found = dict(own)
     left = hover.coefficient / full_thrust(values)
     stated = flight.hover.get("thrust_coefficient")

@@ -13,7 +13,11 @@ from tests.unit.flying.test_vehicle_from_results import hover, motors
 from rotorid.errors import UsageError
 from rotorid.flying.simulation import beyond_tested
 from rotorid.flying.user_vehicles import own_vehicle
+from rotorid.flying.vehicle_air import PLACE
 from rotorid.flying.vehicle_from_results import joined_vehicle, require
+from rotorid.models.flight_derivatives import flight_derivatives
+from rotorid.results.model import bounds_of
+from rotorid.results.summary import airframe_of
 from rotorid.simulation.flight_kernels import derivative
 from rotorid.simulation.linearization import hover_slopes
 from rotorid.simulation.multirotor import STATES, Multirotor
@@ -71,6 +75,27 @@ def test_derivatives_of_hover_follow_with_their_errors() -> None:
     body = require(joined, target="test")
     assert body.aerodynamics is not None
     assert not body.aerodynamics.any()
+
+
+@pytest.mark.parametrize("values", [OF_OUTPUTS, {**FULL, "c_1": 3.0}], ids=["basic", "full"])
+def test_derivatives_are_those_that_the_physics_implies(values: Mapping[str, float]) -> None:
+    model = flight(values)
+    assert model.flight is not None
+    assert model.motors is not None
+    held = {name: estimate.value for name, estimate in model.parameters.items()}
+    airframe = airframe_of(model.motors, model.flight, held["m"])
+    names = [name for name in model.bounds.names if name not in ("T_motor", "J_r", *PLACE)]
+    spread = bounds_of(model.bounds, names).covariance
+    implied = flight_derivatives(held, airframe, (0.0,), free=names, covariance=spread)
+    stds = np.sqrt(implied.covariance.diagonal())
+    joined = joined_vehicle([model]).numbers
+    for name, value, std in zip(implied.names, implied.values[0], stds, strict=True):
+        if name in ("X_u", "Y_v", "Z_w"):
+            assert joined[name].value == pytest.approx(float(value), rel=1e-4)
+            # Here a flight's thrust in hover, which is known well, has no error.
+            assert joined[name].std == pytest.approx(float(std), rel=0.3)
+        elif name in joined:
+            assert joined[name].value == pytest.approx(float(value), rel=1e-3)
 
 
 def test_a_derivative_that_was_given_is_that_of_rotors_and_body() -> None:
