@@ -458,6 +458,11 @@ KINDS: Mapping[str, Kind] = {
         "Dropped at some speeds",
         "A parameter of a stitched model was dropped at some speeds and is zero there.",
     ),
+    "speed_derivatives_differ": Kind(
+        "warning",
+        "Speed derivatives differ",
+        "A speed derivative of a model is more than three deviations from what physical.flight implies.",
+    ),
     "speeds_by_physics": Kind(
         "info",
         "Speeds by flight physics",

@@ -11,8 +11,7 @@ model at another speed,
 with the derivatives of motion :math:`\varphi` that follow from thrust, inflow and drag
 (:mod:`rotorid.models.flight_derivatives`), and control derivatives in proportion to the slope of thrust by rotor
 speed; that of yaw, where torque goes with the square, in proportion to rotor speed. What the physics leaves out, such
-as drag of the body, stays what it was at :math:`V_a`. Errors add up: those of the model, and those of the difference.
-
+as drag of X
 Trim attitude and speeds are those of level flight in still air. Commands at trim are those at :math:`V_a` and what the
 control derivatives need for the change of the rotors. Speeds end where the flights of the result did.
 """
@@ -22,15 +21,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.findings import Finding, warn
+from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError, UsageError
 from rotorid.models.flight import Airframe, inflow_thrust, rotor_air, rotor_thrusts
 from rotorid.models.flight_derivatives import FlightDerivatives, FlightTrim, flight_derivatives, flight_trim
 from rotorid.results.model import IdentifiedModel, bounds_of, parameter_estimates
 from rotorid.results.summary import airframe_of
-from rotorid.typing import FloatArray
+from rotorid.typing import FloatArray, IntArray
 
 SPACING_M_S = 2.0
 """Largest distance of the speeds: between them derivatives are as good as straight."""
@@ -42,8 +44,20 @@ _BY_SPEED = ("N_yaw",)
 _STEP = 1e-4
 
 
-def at_further_speeds(anchor: IdentifiedModel, flight: IdentifiedModel) -> list[IdentifiedModel]:
-    """A model of hover at the speeds that a result of ``physical.flight`` covers beyond its own.
+_BY_FORCE = frozenset(f"{force}_{speed}" for force in "XYZ" for speed in "uvw")
+_BY_MOMENT = frozenset(f"{moment}_{speed}" for moment in "LMN" for speed in "uvw")
+_CONTRADICTED_STDS = 3.0
+
+
+class OverSpeed(NamedTuple):
+    """A model of hover at its own and at further speeds, and what there is to say."""
+
+    models: tuple[IdentifiedModel, ...]
+    findings: tuple[Finding, ...]
+
+
+def over_speed(anchor: IdentifiedModel, flight: IdentifiedModel) -> OverSpeed:
+    """A model of hover with the speed derivatives of a flight, at its own speed and at those that the flight covers.
 
     Parameters
     ----------
@@ -54,14 +68,14 @@ def at_further_speeds(anchor: IdentifiedModel, flight: IdentifiedModel) -> list[
 
     Returns
     -------
-    list of IdentifiedModel
-        One for each further speed, rising, without the anchor. Their errors are no random ones: all come from the same
+    OverSpeed
+        Models by rising speed, the anchor first. Errors of the further ones are no random ones: all come from the same
         two results.
 
     Raises
     ------
     UsageError
-        The flights of the result are no faster than the model, or it says too little of the vehicle.
+        The flights of the result are no faster than the model, or it is no result of ``physical.flight``.
     """
     values, airframe = _physics(flight)
     assert flight.flight is not None
@@ -77,7 +91,41 @@ def at_further_speeds(anchor: IdentifiedModel, flight: IdentifiedModel) -> list[
     known = [name for name in flight.bounds.names if name in values and name not in _STILL]
     spread = bounds_of(flight.bounds, known).covariance
     found = flight_derivatives(values, airframe, (own_m_s, *speeds), free=known, covariance=spread)
-    return [_moved(anchor, found, place, values, airframe) for place in range(1, len(found.trims))]
+    shown = _BY_FORCE | (_BY_MOMENT if "m_f" in values else frozenset())
+    shared, findings = _shared(anchor, found, [name for name in anchor.structure.parameters.free if name in shown])
+    places = range(len(found.trims))
+    return OverSpeed(tuple(_moved(anchor, found, place, shared, values, airframe) for place in places), findings)
+
+
+def _shared(
+    anchor: IdentifiedModel, found: FlightDerivatives, names: list[str]
+) -> tuple[list[str], tuple[Finding, ...]]:
+    """Speed derivatives that both results have, without those of which they contradict each other."""
+    shared, findings = [], []
+    for name in names:
+        if name not in found.names:
+            continue
+        here = anchor.structure.parameters[name].value
+        (there,), spread = found.at(0, [name])
+        own_std = float(np.sqrt(bounds_of(anchor.bounds, [name]).covariance[0, 0]))
+        std = float(np.sqrt(spread[0, 0]))
+        if not abs(here - there) > _CONTRADICTED_STDS * math.hypot(own_std, std):
+            shared.append(name)
+            continue
+        findings.append(
+            warn(
+                "speed_derivatives_differ",
+                name,
+                f"{anchor.name} has {name} = {with_error(here, own_std)}, and physical.flight "
+                f"{with_error(float(there), std)}. {anchor.name} keeps its own. If the accelerometer is "
+                "away from the center of gravity, identify again with --constant z_imu=VALUE.",
+                value=here,
+                std=own_std,
+                of_flight=float(there),
+                std_of_flight=std,
+            )
+        )
+    return shared, tuple(findings)
 
 
 def _physics(flight: IdentifiedModel) -> tuple[dict[str, float], Airframe]:
@@ -106,55 +154,69 @@ def _moved(
     anchor: IdentifiedModel,
     found: FlightDerivatives,
     place: int,
+    shared: list[str],
     values: Mapping[str, float],
     airframe: Airframe,
 ) -> IdentifiedModel:
-    """The anchor at one of the speeds."""
+    """The anchor at one of the speeds, its own the first."""
     structure, parameters = anchor.structure, anchor.structure.parameters
     first, trim = found.trims[0], found.trims[place]
     slopes = [_thrust_slope(values, airframe, one) for one in (first, trim)]
     ratio = {name: float(slopes[1].mean() / slopes[0].mean()) for name in _BY_SLOPE}
     ratio |= {name: float(trim.rotors.mean() / first.rotors.mean()) for name in _BY_SPEED}
-    moved = [name for name in parameters.names if name in found.names and parameters[name].status != "fixed"]
-    (here, _), (before, _) = found.at(place, moved), found.at(0, moved)
-    change = dict(zip(moved, (here - before).tolist(), strict=True))
+    moved = [name for name in parameters.names if name in found.names and parameters[name].status != "fixed"] * (
+        place > 0
+    )
     for name in moved:
         # Zero in hover, as M_w is, it need not be at speed.
         if parameters[name].status == "dropped":
             parameters = parameters.free_again(name).with_values({name: 0.0})
-    new = {
-        name: min(max(parameters[name].value * ratio.get(name, 1.0) + change.get(name, 0.0), one.lower), one.upper)
-        for name in parameters.free
-        for one in (parameters[name],)
-    }
-    parameters = parameters.with_values(new)
-    bounds = anchor.bounds
-    rows = {name: k for k, name in enumerate(parameters.free)}
-    total = np.zeros((len(rows), len(rows)))
-    kept = [name for name in bounds.names if name in rows]
-    scale = np.array([ratio.get(name, 1.0) for name in kept])
-    among = np.ix_([rows[name] for name in kept], [rows[name] for name in kept])
-    total[among] += bounds_of(bounds, kept).covariance * np.outer(scale, scale)
-    own = np.ix_([rows[name] for name in moved], [rows[name] for name in moved])
-    total[own] += _of_difference(found, place, moved)
-    wide = np.sqrt(total.diagonal())
+    free = parameters.free
+    rows = {name: row for row, name in enumerate(free)}
+    kept = [rows[name] for name in anchor.bounds.names if name in rows]
+    scale = np.array([ratio.get(name, 1.0) for name in free])
+    own, random = (np.zeros((len(free), len(free))) for _ in range(2))
+    bounds = bounds_of(anchor.bounds, [free[row] for row in kept])
+    own[np.ix_(kept, kept)], random[np.ix_(kept, kept)] = bounds.covariance, bounds.random
+    theta = np.array([parameters[name].value for name in free]) * scale
+    total = own * np.outer(scale, scale)
+    late, early = _part(found, place, moved), _part(found, 0, moved)
+    shift = [rows[name] for name in moved]
+    theta[shift] += found.values.ravel()[late] - found.values.ravel()[early]
+    both = found.covariance
+    cross = both[np.ix_(late, early)]
+    total[np.ix_(shift, shift)] += both[np.ix_(late, late)] + both[np.ix_(early, early)] - cross - cross.T
+    # What both results say of the speed derivatives here has to be the same, as far as their errors allow.
+    at, of = [rows[name] for name in shared], _part(found, 0, shared)
+    apart = np.array([parameters[name].value for name in shared]) - found.values.ravel()[of]
+    together = own[:, at] * scale[:, None]
+    together[shift] -= both[np.ix_(late, of)] - both[np.ix_(early, of)]
+    gain = np.linalg.lstsq(own[np.ix_(at, at)] + both[np.ix_(of, of)], together.T, rcond=None)[0].T
+    theta, total = theta - gain @ apart, total - gain @ together.T
+    left = np.eye(len(free))
+    left[:, at] -= gain
+    random = left @ random @ left.T if place == 0 else np.zeros_like(total)
+    within = [(parameters[name].lower, parameters[name].upper) for name in free]
+    parameters = parameters.with_values(
+        {name: min(max(float(value), low), high) for name, value, (low, high) in zip(free, theta, within, strict=True)}
+    )
+    wide = np.sqrt(np.maximum(total.diagonal(), 0.0))
     bounds = replace(
         bounds,
-        names=parameters.free,
+        names=free,
         cramer_rao=wide,
         insensitivity=wide,
         covariance=total,
-        random=np.zeros_like(total),
+        random=random,
         model_error=None,
         assumed=None,
         implied={},
     )
-    u, _, w = trim.velocity_m_s.tolist()
-    level = {"U0": u, "W0": w, "theta0": trim.theta_rad}
-    structure = replace(
-        structure.with_constants({name: value for name, value in level.items() if name in structure.constants}),
-        parameters=parameters,
-    )
+    if place > 0:
+        u, _, w = trim.velocity_m_s.tolist()
+        level = {"U0": u, "W0": w, "theta0": trim.theta_rad}
+        structure = structure.with_constants({name: one for name, one in level.items() if name in structure.constants})
+    structure = replace(structure, parameters=parameters.with_constants(structure.constants))
     commands = _commands(anchor, airframe, (first, trim), slopes, values)
     covered = {
         name: replace(one, mean=one.mean + commands.get(name, 0.0)) if one.mean is not None else one
@@ -169,13 +231,10 @@ def _moved(
     )
 
 
-def _of_difference(found: FlightDerivatives, place: int, names: list[str]) -> FloatArray:
-    """Covariance of derivatives at one speed less those of the first, shape ``(k, k)``."""
-    rows = np.array([found.names.index(name) for name in names], dtype=np.int64)
-    late = place * len(found.names) + rows
-    both = found.covariance
-    cross = both[np.ix_(late, rows)]
-    return np.asarray(both[np.ix_(late, late)] + both[np.ix_(rows, rows)] - cross - cross.T)
+def _part(found: FlightDerivatives, place: int, names: list[str]) -> IntArray:
+    """Where derivatives of one speed stand among all."""
+    rows = [place * len(found.names) + found.names.index(name) for name in names]
+    return np.array(rows, dtype=np.int64)
 
 
 def _thrust_slope(values: Mapping[str, float], airframe: Airframe, trim: FlightTrim) -> FloatArray:

@@ -35,7 +35,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import longest_flight
 from rotorid.flights.given_controllers import Controllers, doubts_of, no_controller
 from rotorid.flights.segments import built, with_ingredients
-from rotorid.flying.flight_points import at_further_speeds
+from rotorid.flying.flight_points import over_speed
 from rotorid.flying.model_from_results import HALVES
 from rotorid.flying.settings import StitchSettings
 from rotorid.models.controller import stepped
@@ -458,9 +458,10 @@ def _with_further_speeds(models: Mapping[str, IdentifiedModel]) -> tuple[dict[st
             needed="a model that was identified at one speed alone",
             remedy="leave it out",
         )
-    findings = []
+    findings: list[Finding] = []
     for label, model in alone.items():
-        further = at_further_speeds(model, flight)
+        (halves[label], *further), remarks = over_speed(model, flight)
+        findings += remarks
         trims = [one.structure.constants for one in further]
         speeds = [round(math.hypot(trim["U0"], trim["W0"]), 1) for trim in trims]
         halves |= {f"{label} at {speed:g} m/s": one for speed, one in zip(speeds, further, strict=True)}

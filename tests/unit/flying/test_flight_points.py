@@ -75,13 +75,34 @@ def test_what_comes_from_physics_is_said(found: Stitched) -> None:
     assert {one.where for one in found.findings if one.kind == "speeds_by_physics"} == {LONGITUDINAL, LATERAL}
 
 
-def test_an_uncertain_flight_gives_wide_bands(hover: dict[str, IdentifiedModel]) -> None:
-    """The deviation of a difference: nothing in hover, more with speed."""
-    wide = replace(FLIGHT, bounds=replace(FLIGHT.bounds, covariance=25.0 * FLIGHT.bounds.covariance))
-    curves = [stitch({**hover, "fast": one}).curves[LONGITUDINAL]["Z_w"] for one in (FLIGHT, wide)]
-    assert curves[0].std[0] == curves[1].std[0]
-    assert np.all(np.diff(curves[1].std) > 0.0)
-    assert curves[1].std[-1] > 2.0 * curves[0].std[-1]
+def test_a_flight_makes_speed_derivatives_surer_as_far_as_it_is_sure(hover: dict[str, IdentifiedModel]) -> None:
+    """By the covariances: never less sure than either result alone."""
+    wide = replace(FLIGHT, bounds=replace(FLIGHT.bounds, covariance=1e4 * FLIGHT.bounds.covariance))
+    sure, unsure = (stitch({**hover, "fast": one}).curves[LONGITUDINAL]["Z_w"] for one in (FLIGHT, wide))
+    alone = hover[LONGITUDINAL]["Z_w"].std
+    assert alone is not None
+    assert sure.std[0] < 0.95 * alone
+    assert unsure.std[0] == pytest.approx(alone, rel=0.01)
+    assert unsure.std[-1] > 5.0 * sure.std[-1]
+    assert sure.value[0] == pytest.approx(unsure.value[0], rel=1e-3)
+
+
+def test_derivatives_that_contradict_each_other_are_said_and_kept(hover: dict[str, IdentifiedModel]) -> None:
+    model = hover[LONGITUDINAL]
+    z_w, std = model["Z_w"].value, model["Z_w"].std
+    assert std is not None
+    parameters = model.structure.parameters.with_values({"Z_w": 2.0 * z_w})
+    off = replace(
+        model,
+        structure=replace(model.structure, parameters=parameters),
+        parameters={**model.parameters, "Z_w": replace(model["Z_w"], value=2.0 * z_w)},
+    )
+    found = stitch({"off": off, "fast": FLIGHT})
+    (told,) = (one for one in found.findings if one.kind == "speed_derivatives_differ")
+    assert (told.where, told.severity) == ("Z_w", "warning")
+    assert told.numbers["of_flight"] == pytest.approx(z_w, rel=0.01)
+    curve = found.curves[LONGITUDINAL]["Z_w"]
+    assert curve.value[0] == pytest.approx(2.0 * z_w, abs=std)
 
 
 def test_a_flight_that_adds_nothing_is_refused(hover: dict[str, IdentifiedModel]) -> None:
