@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from tests.twins.flight_flights import craft_of
@@ -37,7 +35,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> dict[str, IdentifiedModel
         amplitudes={"roll": 0.1, "pitch": 0.1, "yaw": 0.06, "thrust": 0.06},
     )
     plan, log = plan_for(CRAFT, wishes).plan, tmp_path_factory.mktemp("swept") / "sweeps.ulg"
-    found = {}
+    found: dict[str, IdentifiedModel] = {}
     for speed in SPEEDS:
         write_log(log, fly_multirotor(CRAFT, plan, speed_m_s=(speed, speed), seed=1), format="ulg")
         record = read(log)

@@ -77,14 +77,17 @@ def test_what_comes_from_physics_is_said(found: Stitched) -> None:
 
 def test_a_flight_makes_speed_derivatives_surer_as_far_as_it_is_sure(hover: dict[str, IdentifiedModel]) -> None:
     """By the covariances: never less sure than either result alone."""
-    wide = replace(FLIGHT, bounds=replace(FLIGHT.bounds, covariance=1e4 * FLIGHT.bounds.covariance))
+    wide = replace(FLIGHT, bounds=replace(FLIGHT.bounds, covariance=1e6 * FLIGHT.bounds.covariance))
     sure, unsure = (stitch({**hover, "fast": one}).curves[LONGITUDINAL]["Z_w"] for one in (FLIGHT, wide))
     alone = hover[LONGITUDINAL]["Z_w"].std
     assert alone is not None
     assert sure.std[0] < 0.95 * alone
     assert unsure.std[0] == pytest.approx(alone, rel=0.01)
-    assert unsure.std[-1] > 5.0 * sure.std[-1]
+    assert np.all(unsure.std >= sure.std)
     assert sure.value[0] == pytest.approx(unsure.value[0], rel=1e-3)
+    # Derivatives that the sweeps do not show have no more than the flight.
+    ends = [stitch({**hover, "fast": one}).curves[LONGITUDINAL]["M_w"].std[-1] for one in (FLIGHT, wide)]
+    assert ends[1] > 10.0 * ends[0]
 
 
 def test_derivatives_that_contradict_each_other_are_said_and_kept(hover: dict[str, IdentifiedModel]) -> None:
