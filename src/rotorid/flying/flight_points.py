@@ -6,12 +6,18 @@ model at another speed,
 .. math::
 
     \theta(V) = \theta(V_a) + \varphi(V) - \varphi(V_a), \qquad
-    \delta(V) = \delta(V_a) \, \frac{T'(V)}{T'(V_a)}
+    \delta(V) = \delta(V_a) + \left( \frac{\partial \dot x}{\partial \Omega}(V)
+        - \frac{\partial \dot x}{\partial \Omega}(V_a) \right) \frac{d \Omega}{d u}
 
 with the derivatives of motion :math:`\varphi` that follow from thrust, inflow and drag
-(:mod:`rotorid.models.flight_derivatives`), and control derivatives in proportion to the slope of thrust by rotor
-speed; that of yaw, where torque goes with the square, in proportion to rotor speed. What the physics leaves out, such
-as drag of X
+(:mod:`rotorid.models.flight_derivatives`). A command changes the rotors by their levers, by their spin or all alike, as
+much as the control derivative at :math:`V_a` says, and its other derivatives follow from rotors that turn unlike at
+speed. What the physics leaves out, such as drag of the body, stays what it was at :math:`V_a`.
+
+Both results have the speed derivatives at :math:`V_a`. Where they agree within three deviations, both count by their
+covariances (the estimate of least variance), there and, with how they err together, at every other speed. Where they do
+not, the model keeps its own.
+
 Trim attitude and speeds are those of level flight in still air. Commands at trim are those at :math:`V_a` and what the
 control derivatives need for the change of the rotors. Speeds end where the flights of the result did.
 """
@@ -19,7 +25,7 @@ control derivatives need for the change of the rotors. Speeds end where the flig
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,8 +34,15 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError, UsageError
-from rotorid.models.flight import Airframe, inflow_thrust, rotor_air, rotor_thrusts
-from rotorid.models.flight_derivatives import FlightDerivatives, FlightTrim, flight_derivatives, flight_trim
+from rotorid.models.flight import Airframe, flight_loads
+from rotorid.models.flight_derivatives import (
+    FORCES,
+    MOMENTS,
+    FlightDerivatives,
+    FlightTrim,
+    flight_derivatives,
+    flight_trim,
+)
 from rotorid.results.model import IdentifiedModel, bounds_of, parameter_estimates
 from rotorid.results.summary import airframe_of
 from rotorid.typing import FloatArray, IntArray
@@ -39,8 +52,8 @@ SPACING_M_S = 2.0
 
 _STILL = frozenset({"T_motor", "J_r", "x_imu", "y_imu", "z_imu"})
 """Numbers of a flight that no derivative of motion depends on."""
-_BY_SLOPE = ("Z_thrust", "M_pitch", "L_roll")
-_BY_SPEED = ("N_yaw",)
+_OWN_DERIVATIVES = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw", "thrust": "Z_thrust"}
+"""Command to the derivative by which the change of the rotors that it asks for is known."""
 _STEP = 1e-4
 
 
@@ -161,25 +174,27 @@ def _moved(
     """The anchor at one of the speeds, its own the first."""
     structure, parameters = anchor.structure, anchor.structure.parameters
     first, trim = found.trims[0], found.trims[place]
-    slopes = [_thrust_slope(values, airframe, one) for one in (first, trim)]
-    ratio = {name: float(slopes[1].mean() / slopes[0].mean()) for name in _BY_SLOPE}
-    ratio |= {name: float(trim.rotors.mean() / first.rotors.mean()) for name in _BY_SPEED}
+    slopes = [_rotor_slopes(values, airframe, one) for one in (first, trim)]
+    control = _control(slopes, airframe) if place > 0 else {}
     moved = [name for name in parameters.names if name in found.names and parameters[name].status != "fixed"] * (
         place > 0
     )
-    for name in moved:
-        # Zero in hover, as M_w is, it need not be at speed.
+    for name in (*moved, *(name for own in control.values() for name in own if name in parameters.names)):
+        # Zero in hover, as M_w and M_thrust are, it need not be at speed.
         if parameters[name].status == "dropped":
             parameters = parameters.free_again(name).with_values({name: 0.0})
     free = parameters.free
     rows = {name: row for row, name in enumerate(free)}
     kept = [rows[name] for name in anchor.bounds.names if name in rows]
-    scale = np.array([ratio.get(name, 1.0) for name in free])
+    grown = np.eye(len(free))
+    for by, changes in control.items():
+        for name in rows.keys() & changes.keys() if by in rows else ():
+            grown[rows[name], rows[by]] += changes[name]
     own, random = (np.zeros((len(free), len(free))) for _ in range(2))
     bounds = bounds_of(anchor.bounds, [free[row] for row in kept])
     own[np.ix_(kept, kept)], random[np.ix_(kept, kept)] = bounds.covariance, bounds.random
-    theta = np.array([parameters[name].value for name in free]) * scale
-    total = own * np.outer(scale, scale)
+    theta = grown @ np.array([parameters[name].value for name in free])
+    total = grown @ own @ grown.T
     late, early = _part(found, place, moved), _part(found, 0, moved)
     shift = [rows[name] for name in moved]
     theta[shift] += found.values.ravel()[late] - found.values.ravel()[early]
@@ -189,7 +204,7 @@ def _moved(
     # What both results say of the speed derivatives here has to be the same, as far as their errors allow.
     at, of = [rows[name] for name in shared], _part(found, 0, shared)
     apart = np.array([parameters[name].value for name in shared]) - found.values.ravel()[of]
-    together = own[:, at] * scale[:, None]
+    together = grown @ own[:, at]
     together[shift] -= both[np.ix_(late, of)] - both[np.ix_(early, of)]
     gain = np.linalg.lstsq(own[np.ix_(at, at)] + both[np.ix_(of, of)], together.T, rcond=None)[0].T
     theta, total = theta - gain @ apart, total - gain @ together.T
@@ -217,7 +232,7 @@ def _moved(
         level = {"U0": u, "W0": w, "theta0": trim.theta_rad}
         structure = structure.with_constants({name: one for name, one in level.items() if name in structure.constants})
     structure = replace(structure, parameters=parameters.with_constants(structure.constants))
-    commands = _commands(anchor, airframe, (first, trim), slopes, values)
+    commands = _commands(anchor, slopes[0], (first, trim))
     covered = {
         name: replace(one, mean=one.mean + commands.get(name, 0.0)) if one.mean is not None else one
         for name, one in anchor.covered.items()
@@ -237,32 +252,45 @@ def _part(found: FlightDerivatives, place: int, names: list[str]) -> IntArray:
     return np.array(rows, dtype=np.int64)
 
 
-def _thrust_slope(values: Mapping[str, float], airframe: Airframe, trim: FlightTrim) -> FloatArray:
-    """Change of the thrust of each rotor with its speed, shape ``(rotors,)``."""
-    step = _STEP * trim.rotors[:, None]
+def _rotor_slopes(values: Mapping[str, float], airframe: Airframe, trim: FlightTrim) -> dict[str, FloatArray]:
+    """Accelerations by the speed of each rotor, where the inertia is known, shape ``(rotors,)`` each."""
+    count, step = airframe.rotors, _STEP * float(trim.rotors.mean())
+    speeds = trim.rotors[:, None] + step * np.hstack([np.eye(count), -np.eye(count)])
+    velocity = np.repeat(trim.velocity_m_s[:, None], 2 * count, axis=1)
+    loads = flight_loads(values, airframe, speeds=speeds, velocity=velocity, rates=np.zeros_like(velocity))
+    rows = dict(zip(FORCES, loads.force / airframe.mass_kg, strict=True))
+    rows |= {
+        name: loads.moment[place] / values[inertia]
+        for place, (name, inertia) in enumerate(MOMENTS.items())
+        if values.get(inertia, 0.0) > 0.0
+    }
+    return {name: (row[:count] - row[count:]) / (2.0 * step) for name, row in rows.items()}
 
-    def thrusts(speeds: FloatArray) -> FloatArray:
-        air = rotor_air(airframe, trim.velocity_m_s[:, None], np.zeros((3, 1)), inflow_thrust(values, airframe, speeds))
-        return rotor_thrusts(values, airframe, speeds, air)
 
-    ends = [thrusts(trim.rotors[:, None] + sign * step) for sign in (1.0, -1.0)]
-    return np.asarray((ends[0] - ends[1])[:, 0] / (2.0 * step[:, 0]))
+def _control(slopes: Sequence[Mapping[str, FloatArray]], airframe: Airframe) -> dict[str, dict[str, float]]:
+    """Change of the control derivatives between two trims over the first own one of each command, by its name.
+
+    Roll and pitch change the rotors by their levers, yaw by their spin, thrust all alike.
+    """
+    x, y, _ = airframe.positions.T
+    patterns = {"roll": -y, "pitch": x, "yaw": airframe.spins, "thrust": np.ones(airframe.rotors)}
+    found = {}
+    for command, pattern in patterns.items():
+        by = _OWN_DERIVATIVES[command]
+        main = float(slopes[0][by[0]] @ pattern) if by[0] in slopes[0] else 0.0
+        if main != 0.0:
+            changes = {name: float((slopes[1][name] - slopes[0][name]) @ pattern) / main for name in slopes[0]}
+            found[by] = {f"{name}_{command}": change for name, change in changes.items()}
+    return found
 
 
 def _commands(
-    anchor: IdentifiedModel,
-    airframe: Airframe,
-    trims: tuple[FlightTrim, FlightTrim],
-    slopes: list[FloatArray],
-    values: Mapping[str, float],
+    anchor: IdentifiedModel, slopes: Mapping[str, FloatArray], trims: tuple[FlightTrim, FlightTrim]
 ) -> dict[str, float]:
     """Change of the mean commands that the rotors of the two trims need."""
-    derivatives = anchor.structure.parameters.values
-    x, y = airframe.positions[:, 0], airframe.positions[:, 1]
-    thrust = slopes[0] * (trims[1].rotors - trims[0].rotors)
-    needed = {
-        "thrust_command": ("Z_thrust", -float(thrust.sum()) / airframe.mass_kg),
-        "pitch_command": ("M_pitch", float(x @ thrust) / values.get("I_yy", math.inf)),
-        "roll_command": ("L_roll", -float(y @ thrust) / values.get("I_xx", math.inf)),
+    derivatives, turned = anchor.structure.parameters.values, trims[1].rotors - trims[0].rotors
+    return {
+        f"{command}_command": float(slopes[by[0]] @ turned) / derivatives[by]
+        for command, by in _OWN_DERIVATIVES.items()
+        if derivatives.get(by, 0.0) != 0.0 and by[0] in slopes
     }
-    return {name: change / derivatives[by] for name, (by, change) in needed.items() if derivatives.get(by, 0.0) != 0.0}

@@ -51,13 +51,16 @@ def test_derivatives_of_motion_at_speed_are_those_of_the_vehicle(found: Stitched
                 assert std[0] < 0.4 * size, (speed, name)
 
 
-def test_control_derivatives_follow_the_slope_of_thrust(found: Stitched) -> None:
-    for speed in SPEEDS[1:]:
+def test_control_derivatives_follow_the_slopes_of_the_rotors(found: Stitched) -> None:
+    """Those too that symmetry makes zero in hover."""
+    names = {LONGITUDINAL: ("Z_thrust", "M_pitch", "M_thrust", "X_thrust"), LATERAL: ("L_roll", "N_yaw", "N_roll")}
+    for speed in (4.0, 8.0):
         truth = hover_derivatives_of(CRAFT.vehicle, CRAFT.autopilot, airspeed_m_s=speed)
         along = trimmed(CRAFT.vehicle, speed).velocity_m_s[0]
-        for model, name in ((LONGITUDINAL, "Z_thrust"), (LONGITUDINAL, "M_pitch"), (LATERAL, "L_roll")):
-            value, _ = found.curves[model][name].at(np.array([along]))
-            assert value[0] == pytest.approx(truth[name], rel=0.01), (speed, name)
+        for model, own in names.items():
+            for name in own:
+                value, _ = found.curves[model][name].at(np.array([along]))
+                assert value[0] == pytest.approx(truth[name], rel=0.02, abs=0.05), (speed, name)
 
 
 def test_the_trim_is_that_of_level_flight(found: Stitched, hover: dict[str, IdentifiedModel]) -> None:
