@@ -458,10 +458,10 @@ KINDS: Mapping[str, Kind] = {
         "Dropped at some speeds",
         "A parameter of a stitched model was dropped at some speeds and is zero there.",
     ),
-    "speed_derivatives_differ": Kind(
+    "derivatives_differ": Kind(
         "warning",
-        "Speed derivatives differ",
-        "A speed derivative of a model is more than three deviations from what physical.flight implies.",
+        "Derivatives contradict a flight",
+        "A derivative of a model is more than three deviations from what physical.flight implies.",
     ),
     "speeds_by_physics": Kind(
         "info",

@@ -14,9 +14,9 @@ with the derivatives of motion :math:`\varphi` that follow from thrust, inflow a
 much as the control derivative at :math:`V_a` says, and its other derivatives follow from rotors that turn unlike at
 speed. What the physics leaves out, such as drag of the body, stays what it was at :math:`V_a`.
 
-Both results have the speed derivatives at :math:`V_a`. Where they agree within three deviations, both count by their
-covariances (the estimate of least variance), there and, with how they err together, at every other speed. Where they do
-not, the model keeps its own.
+Both results have the derivatives at :math:`V_a`, those of damping aside. Where they agree within three deviations, both
+count by their covariances (the estimate of least variance), there and, with how they err together, at every other
+speed. Where they do not, the model keeps its own.
 
 Trim attitude and speeds are those of level flight in still air. Commands at trim are those at :math:`V_a` and what the
 control derivatives need for the change of the rotors. Speeds end where the flights of the result did.
@@ -57,8 +57,9 @@ _OWN_DERIVATIVES = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw", "thrus
 _STEP = 1e-4
 
 
-_BY_FORCE = frozenset(f"{force}_{speed}" for force in "XYZ" for speed in "uvw")
-_BY_MOMENT = frozenset(f"{moment}_{speed}" for moment in "LMN" for speed in "uvw")
+_BY_SPEED = frozenset(f"{row}_{speed}" for row in "XYZLMN" for speed in "uvw")
+_ACROSS = frozenset(f"{row}_{rate}" for row in "XYZLMN" for rate in "pqr") - {"L_p", "M_q", "N_r"}
+"""Derivatives by rates without the damping of an axis, to which the body and the wake add what no flight tells."""
 _CONTRADICTED_STDS = 3.0
 
 
@@ -104,7 +105,8 @@ def over_speed(anchor: IdentifiedModel, flight: IdentifiedModel) -> OverSpeed:
     known = [name for name in flight.bounds.names if name in values and name not in _STILL]
     spread = bounds_of(flight.bounds, known).covariance
     found = flight_derivatives(values, airframe, (own_m_s, *speeds), free=known, covariance=spread)
-    shown = _BY_FORCE | (_BY_MOMENT if "m_f" in values else frozenset())
+    # Without flapping, moments by speed lack the largest part.
+    shown = _ACROSS | {name for name in _BY_SPEED if "m_f" in values or name[0] in FORCES}
     shared, findings = _shared(anchor, found, [name for name in anchor.structure.parameters.free if name in shown])
     places = range(len(found.trims))
     return OverSpeed(tuple(_moved(anchor, found, place, shared, values, airframe) for place in places), findings)
@@ -113,7 +115,7 @@ def over_speed(anchor: IdentifiedModel, flight: IdentifiedModel) -> OverSpeed:
 def _shared(
     anchor: IdentifiedModel, found: FlightDerivatives, names: list[str]
 ) -> tuple[list[str], tuple[Finding, ...]]:
-    """Speed derivatives that both results have, without those of which they contradict each other."""
+    """Derivatives that both results have, without those of which they contradict each other."""
     shared, findings = [], []
     for name in names:
         if name not in found.names:
@@ -127,7 +129,7 @@ def _shared(
             continue
         findings.append(
             warn(
-                "speed_derivatives_differ",
+                "derivatives_differ",
                 name,
                 f"{anchor.name} has {name} = {with_error(here, own_std)}, and physical.flight "
                 f"{with_error(float(there), std)}. {anchor.name} keeps its own. If the accelerometer is "
@@ -201,13 +203,17 @@ def _moved(
     both = found.covariance
     cross = both[np.ix_(late, early)]
     total[np.ix_(shift, shift)] += both[np.ix_(late, late)] + both[np.ix_(early, early)] - cross - cross.T
-    # What both results say of the speed derivatives here has to be the same, as far as their errors allow.
+    # What both results say of derivatives here has to be the same, as far as their errors allow.
     at, of = [rows[name] for name in shared], _part(found, 0, shared)
     apart = np.array([parameters[name].value for name in shared]) - found.values.ravel()[of]
     together = grown @ own[:, at]
     together[shift] -= both[np.ix_(late, of)] - both[np.ix_(early, of)]
-    gain = np.linalg.lstsq(own[np.ix_(at, at)] + both[np.ix_(of, of)], together.T, rcond=None)[0].T
+    spread = own[np.ix_(at, at)] + both[np.ix_(of, of)]
+    size = np.sqrt(np.where(spread.diagonal() > 0.0, spread.diagonal(), 1.0))
+    gain = np.linalg.lstsq(spread / np.outer(size, size), (together / size).T, rcond=None)[0].T / size
     theta, total = theta - gain @ apart, total - gain @ together.T
+    # What is known exactly is left with less than nothing by rounding.
+    np.fill_diagonal(total, np.maximum(total.diagonal(), 0.0))
     left = np.eye(len(free))
     left[:, at] -= gain
     random = left @ random @ left.T if place == 0 else np.zeros_like(total)
@@ -215,7 +221,7 @@ def _moved(
     parameters = parameters.with_values(
         {name: min(max(float(value), low), high) for name, value, (low, high) in zip(free, theta, within, strict=True)}
     )
-    wide = np.sqrt(np.maximum(total.diagonal(), 0.0))
+    wide = np.sqrt(total.diagonal())
     bounds = replace(
         bounds,
         names=free,

@@ -104,7 +104,7 @@ def test_derivatives_that_contradict_each_other_are_said_and_kept(hover: dict[st
         parameters={**model.parameters, "Z_w": replace(model["Z_w"], value=2.0 * z_w)},
     )
     found = stitch({"off": off, "fast": FLIGHT})
-    (told,) = (one for one in found.findings if one.kind == "speed_derivatives_differ")
+    (told,) = (one for one in found.findings if one.kind == "derivatives_differ")
     assert (told.where, told.severity) == ("Z_w", "warning")
     assert told.numbers["of_flight"] == pytest.approx(z_w, rel=0.01)
     curve = found.curves[LONGITUDINAL]["Z_w"]
