@@ -93,7 +93,7 @@ def unseen(records: dict[str, MotorRecord]) -> dict[str, float]:
 def test_an_unseen_flight_is_predicted_by_twelve_numbers(
     records: dict[str, MotorRecord], unseen: dict[str, float]
 ) -> None:
-    """.47 N; 1.26 N with thrust by speed alone."""
+    """.49 N with six numbers of force; 1.26 N with thrust by speed alone."""
     assert pooled(records, unseen) <= 0.50
     assert len(fitted(records["d"], records["h"]).free) + MOMENT_NUMBERS <= 12
 
@@ -105,14 +105,15 @@ def test_a_slow_flight_is_predicted_by_fast_ones(unseen: dict[str, float]) -> No
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
-    reason=".47 N: what is left is thrust in pull-ups, 0.3 to 1 Hz, which lags by another time from flight to flight",
+    reason=".49 N: what is left is thrust in pull-ups, 0.3 to 1 Hz. Thrust that lags behind all speeds by 40 ms gives .44, "
+    "but it trades with the accelerometer's place, and faster motion shows no such lag",
 )
 def test_an_unseen_flight_to_forty_two_hundredths(records: dict[str, MotorRecord], unseen: dict[str, float]) -> None:
     assert pooled(records, unseen) <= 0.42
 
 
 def test_the_attitude_alone_gives_the_velocity(records: dict[str, MotorRecord]) -> None:
-    """.49 N with a velocity that is integrated from specific force."""
+    """.52 N with a velocity that is integrated from specific force."""
     assert pooled(records, left_out(records, "attitude")) <= 0.54
 
 
