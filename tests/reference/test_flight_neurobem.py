@@ -105,8 +105,8 @@ def test_a_slow_flight_is_predicted_by_fast_ones(unseen: dict[str, float]) -> No
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
-    reason=".49 N: what is left is thrust in pull-ups, 0.3 to 1 Hz. Thrust that lags behind all speeds by 40 ms gives .44, "
-    "but it trades with the accelerometer's place, and faster motion shows no such lag",
+    reason=".49 N: what is left is thrust in pull-ups, 0.3 to 1 Hz. Thrust that lags behind all speeds by 40 ms gives "
+    ".44 N, but it trades with the accelerometer's place, and faster motion shows no such lag",
 )
 def test_an_unseen_flight_to_forty_two_hundredths(records: dict[str, MotorRecord], unseen: dict[str, float]) -> None:
     assert pooled(records, unseen) <= 0.42

@@ -372,7 +372,7 @@ def _check(records: Sequence[MotorRecord], airframe: Airframe) -> None:
                 f"{record.name} has {record.outputs.shape[0]} motors", needed=f"{airframe.rotors}, as in the layout"
             )
         if not record.force.shape[1]:
-            raise InsufficientDataError(f"{record.name} holds no specific force", needed="three accelerometers")
+            raise InsufficientDataError(f"{record.name} has no specific force", needed="three accelerometers")
 
 
 def _least(records: Sequence[MotorRecord]) -> VelocityClass:

@@ -267,7 +267,7 @@ class _Search:
         if np.quantile(rates, 0.995) >= _LEAST_RATE_RAD_S and turning.std() >= _LEAST_TURNING_RAD_S2:
             names += PLACE
         else:
-            self.missing |= dict.fromkeys(PLACE, "the vehicle hardly turned")
+            self.missing |= dict.fromkeys(PLACE, "the vehicle turned too little")
         self.names = list(dict.fromkeys([*names, *(n for n in self.choices.known if n in (*FORCE_TERMS, *PLACE))]))
         self.speeds_m_s = (
             float(np.quantile(np.concatenate([np.sqrt((moved.velocity**2).sum(axis=0)) for moved in driven]), 0.995)),
