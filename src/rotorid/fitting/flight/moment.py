@@ -30,7 +30,7 @@ from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.motion import Motion
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excitations, excited_axes, octaves
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, excitations, excited_axes, octaves
 from rotorid.fitting.motors.fit import LEAST_SAMPLES, MotorFit, fit_motors
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.flight import (
@@ -74,6 +74,7 @@ LEAST_ADVANCE = 0.37
 
 _FITTED_HZ = 150.0
 _COMPARED_HZ = 75.0
+_SAMPLES_A_CYCLE = 8.0
 _EARLIEST_S = -0.02
 _FOLDS = 3
 _ROUNDS = 2
@@ -421,7 +422,22 @@ def _compared(rows: FloatArray, rate_hz: float) -> FloatArray:
 
 def _thinned(record: MotorRecord, outputs: FloatArray, rates: FloatArray) -> MotorRecord:
     """A record for the fit of the band: thrusts or speeds in place of outputs, means over a few samples."""
-    every = 1 if record.gyro_taps.size > 1 else max(1, int(record.sample_rate_hz / _FITTED_HZ))
+    whole = MotorRecord(
+        name=record.name,
+        sample_rate_hz=record.sample_rate_hz,
+        outputs=outputs,
+        rates=rates,
+        az=record.az,
+        gyro_taps=record.gyro_taps,
+        start_s=record.start_s,
+        between="lines",
+    )
+    return _means(whole, _FITTED_HZ)
+
+
+def _means(record: MotorRecord, rate_hz: float) -> MotorRecord:
+    """A record at a lower rate, of means over its samples; as it is where filters are known at its own rate."""
+    every = 1 if record.gyro_taps.size > 1 else max(1, int(record.sample_rate_hz / rate_hz))
     count = record.samples // every
 
     def mean(rows: FloatArray) -> FloatArray:
@@ -430,13 +446,26 @@ def _thinned(record: MotorRecord, outputs: FloatArray, rates: FloatArray) -> Mot
     return MotorRecord(
         name=record.name,
         sample_rate_hz=record.sample_rate_hz / every,
-        outputs=mean(outputs),
-        rates=mean(rates),
+        outputs=mean(record.outputs),
+        rates=mean(record.rates),
         az=mean(record.az),
         gyro_taps=record.gyro_taps,
         start_s=record.start_s,
-        between="lines",
+        between=record.between,
     )
+
+
+def _shown(record: MotorRecord, levers: FloatArray, axes: Sequence[str]) -> MotorRecord:
+    """A record up to the frequencies at which motors explain an axis.
+
+    Above them, noise of measured speeds looks like torque that turns nothing, and whitened errors make much of it.
+    """
+    highest = SLOW_HZ
+    for axis in axes:
+        place = RATES.index(axis)
+        found = octaves(record, levers[place], np.diff(record.rates[place]))
+        highest = max([highest, *(one.band_hz[1] for one in found if one.counts)])
+    return _means(record, _SAMPLES_A_CYCLE * highest)
 
 
 def _free_rates(record: MotorRecord, inertia: FloatArray, known_nm: FloatArray) -> FloatArray:
@@ -535,7 +564,12 @@ def _chain(
     parameters = motor_parameters(
         curve=curve, known=held, axes=axes, lag=False, heave_damping=False, earliest_s=_EARLIEST_S, spin_up=yaw
     )
-    return fit_motors(MotorProblem(records=(record,), levers=levers, parameters=parameters, axes=axes))
+    # The spin-up of rotors turns the nose at frequencies at which their torque does not.
+    shown = record if yaw else _shown(record, levers, axes)
+    # With fewer samples an axis may be shown no longer.
+    still = set(axes) <= set(excited_axes(excitations([shown], levers, spin_up=yaw)))
+    used = shown if still and shown.samples >= LEAST_SAMPLES else record
+    return fit_motors(MotorProblem(records=(used,), levers=levers, parameters=parameters, axes=axes))
 
 
 def _table(
