@@ -74,7 +74,7 @@ LEAST_ADVANCE = 0.37
 
 _FITTED_HZ = 150.0
 _COMPARED_HZ = 75.0
-_SAMPLES_A_CYCLE = 8.0
+_SAMPLES_A_CYCLE, _YAW_HZ = 8.0, 7.5
 _EARLIEST_S = -0.02
 _FOLDS = 3
 _ROUNDS = 2
@@ -564,8 +564,8 @@ def _chain(
     parameters = motor_parameters(
         curve=curve, known=held, axes=axes, lag=False, heave_damping=False, earliest_s=_EARLIEST_S, spin_up=yaw
     )
-    # The spin-up of rotors turns the nose at frequencies at which their torque does not.
-    shown = record if yaw else _shown(record, levers, axes)
+    # The spin-up of rotors turns the nose faster than their torque does, up to where differences of speeds are noise.
+    shown = _means(record, _SAMPLES_A_CYCLE * _YAW_HZ) if yaw else _shown(record, levers, axes)
     # With fewer samples an axis may be shown no longer.
     still = set(axes) <= set(excited_axes(excitations([shown], levers, spin_up=yaw)))
     used = shown if still and shown.samples >= LEAST_SAMPLES else record
