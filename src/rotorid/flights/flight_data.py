@@ -25,7 +25,7 @@ from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
-from rotorid.errors import InsufficientDataError, ModelError, UsageError, nearest_name
+from rotorid.errors import InsufficientDataError, ModelError, nearest_name
 from rotorid.fitting.flight.motion import VELOCITY_CLASSES, VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.motor_data import Channels, MotorData, Reading, Stretches, given_stretches, motor_data
@@ -351,18 +351,3 @@ def _channels(record: FlightRecord, stretch: Maneuver) -> Channels:
     turned = ATTITUDE if attitude else ()
     wanted = (*measured, *(VELOCITIES if of_velocity else ()), *turned)
     return Channels(measured, tuple(dict.fromkeys((*of_velocity, *turned))), wanted)
-
-
-def require_flight_kind(data: FlightMotion, kind: str, name: str) -> None:
-    """Refuse a log whose motors are known by something else than those of a result.
-
-    Raises
-    ------
-    UsageError
-        They are.
-    """
-    if data.kind != kind:
-        raise UsageError(
-            f"{name} logs motors as {data.kind.replace('_', ' ')}",
-            needed=f"a log of motors as {kind.replace('_', ' ')}, like those of the result",
-        )

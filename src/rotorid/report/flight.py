@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
-from rotorid.data.quantity import MISSING, milliseconds, significant, unit, with_error
+from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.models.flight import FLIGHT_PARAMETERS, flight_loads, speeds_of_outputs
 from rotorid.plot.flight import drag_by_airspeed, thrust_in_air
@@ -169,7 +169,8 @@ def limits_sentence(flight: FlightPhysics, motors: MotorPhysics) -> str:
         f"Flown: airspeed along the discs up to {significant(limits.edge_m_s[1], digits=2)} m/s, "
         f"climb {significant(limits.climb_m_s[0], digits=2)} to {significant(limits.climb_m_s[1], digits=2)} m/s, "
         f"load factor {significant(limits.load[0], digits=2)} to {significant(limits.load[1], digits=2)}, "
-        f"motors {significant(low)} to {significant(high)}{speed}. Beyond that the model extrapolates."
+        f"motors {significant(low, digits=4)} to {significant(high, digits=4)}{speed}. "
+        "Beyond that the model extrapolates."
     )
 
 
@@ -204,9 +205,9 @@ def _logs(flight: FlightPhysics) -> Iterator[LogRow]:
             record=log.record,
             interval=f"{log.start_s:.1f} to {log.stop_s:.1f} s",
             wind=wind,
-            skew=milliseconds(log.skew_s, None) if log.skew_s else MISSING,
+            skew=f"{1e3 * log.skew_s:.1f}" if log.skew_s else MISSING,
             force=significant(log.force_rms_n),
-            axes=", ".join(significant(value, digits=2) for value in log.force_axes_n),
+            axes=", ".join(f"{value:.2f}" for value in log.force_axes_n),
             moment=MISSING if log.moment_rms_nm is None else significant(1e3 * log.moment_rms_nm),
         )
 
@@ -261,12 +262,11 @@ def thrust_by_flow(
     """
     values = {name: estimate.value for name, estimate in document.parameters.items()}
     airframe = airframe_of(motors, flight, values["m"])
-    edge, climb, fall = flight.limits.edge_m_s[1], flight.limits.climb_m_s[1], flight.limits.climb_m_s[0]
+    # In descent faster than the induced velocity momentum theory has no answer, so no line is drawn for descent.
+    edge, climb = flight.limits.edge_m_s[1], flight.limits.climb_m_s[1]
     flows = {"hover": (0.0, 0.0)}
     if climb >= 1.0:
         flows[f"climb at {climb:.2g} m/s"] = (0.0, -climb)
-    if fall <= -1.0:
-        flows[f"descent at {-fall:.2g} m/s"] = (0.0, -fall)
     if edge >= 1.0:
         flows[f"{edge:.2g} m/s along the discs"] = (edge, 0.0)
     still = np.zeros((3, speeds.size))

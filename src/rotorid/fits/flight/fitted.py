@@ -29,6 +29,7 @@ from rotorid.results.summary import Derived, DragPoint
 from rotorid.signal.kinematics import ACCELERATIONS
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.flight_error import usual_scatter
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores
 
@@ -189,7 +190,7 @@ def fitted_bounds(fit: FlightFit, parameters: ParameterSet, by_tilt: Quantity | 
         ``k_d``, where the tilt gave it.
     """
     names = parameters.free
-    covariance = np.diag([_usual_scatter(name, parameters[name].value) ** 2 for name in names])
+    covariance = np.diag([max(usual_scatter(name, parameters[name].value), 1e-12) ** 2 for name in names])
     random = covariance.copy()
     if fit.errors is not None:
         own = [name for name in names if name in fit.errors.names]
@@ -200,13 +201,6 @@ def fitted_bounds(fit: FlightFit, parameters: ParameterSet, by_tilt: Quantity | 
         row = names.index("k_d")
         covariance[row, row] = random[row, row] = by_tilt.std**2
     return bounds_of_covariance(names, covariance, random)
-
-
-def _usual_scatter(name: str, value: float) -> float:
-    """By how much a number usually differs between flights of one vehicle; its size where nobody knows."""
-    about = FLIGHT_PARAMETERS[name]
-    share = 1.0 if about.scatter is None else about.scatter
-    return share if about.absolute else max(share * abs(value), 1e-12)
 
 
 def bounds_of_covariance(names: tuple[str, ...], covariance: FloatArray, random: FloatArray) -> Bounds:
