@@ -151,7 +151,7 @@ FITTINGS: Mapping[str, Fitting] = {
     ),
     FLIGHT.name: Fitting(
         method=lambda _, __, settings: Flights(settings=motor_settings(settings)),
-        choices=(*_OF_ROTORS, *_OF_FLIGHT, "fix", "segments", "seed", "method"),
+        choices=(*(name for name in _OF_ROTORS if name != "curve"), *_OF_FLIGHT, "fix", "segments", "seed", "method"),
         methods=("auto", "equation_error"),
         no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),

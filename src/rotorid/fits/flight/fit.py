@@ -19,6 +19,7 @@ from rotorid.fits.flight.fitted import FittedFlight, fitted_bounds, fitted_param
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.flights.flight_data import FlightMotion
 from rotorid.flights.tilt_drag import tilt_drag_of
+from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.motors import check_mean_force
 from rotorid.settings.motors import MotorSettings
 from rotorid.uncertainty.flight_error import with_errors
@@ -91,6 +92,24 @@ def coefficient_of(drag: Quantity, fit: FlightFit) -> Quantity:
 
 
 def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:
+    fit = _bounded(data, choices)
+    if _rises(data, fit):
+        return fit
+    # Thrust that falls with the output is no curve of a rotor: of a flight whose thrust hardly moved.
+    return _bounded(data, replace(choices, terms=tuple(name for name in FLIGHT_PARAMETERS if name != "c_1")))
+
+
+def _rises(data: FlightMotion, fit: FlightFit) -> bool:
+    """Whether thrust rises with the outputs that were flown, and falls with inflow; both are so of every rotor."""
+    linear, square = fit.values.get("c_1", 0.0), fit.values.get("c_2", 0.0)
+    if linear == 0.0:
+        return True
+    flown = np.percentile(np.concatenate([record.outputs.ravel() for record in data.records]), (1.0, 99.0))
+    rising = bool(np.all(linear + 2.0 * square * flown > 0.0))
+    return rising and fit.values.get("c_lambda", 0.0) >= 0.0
+
+
+def _bounded(data: FlightMotion, choices: FlightChoices) -> FlightFit:
     try:
         fit = fit_flight(data.records, data.given.airframe, choices)
         return with_errors(fit, data.records, choices)

@@ -32,6 +32,7 @@ def judge_flight(
     return (
         *_scale(identified),
         *_disc(identified),
+        *_curve(identified),
         *_velocity(identified),
         *_wind(identified),
         *_by_tilt(identified),
@@ -66,6 +67,18 @@ def _disc(identified: FittedFlight) -> Iterator[Finding]:
         f"{'' if given.scaled else ' and --fix m=KILOGRAMS'}.",
         diameter_m=given.diameter_m,
     )
+
+
+def _curve(identified: FittedFlight) -> Iterator[Finding]:
+    """That demands of thrust were taken as shares of the speed."""
+    if identified.data.motors.straightened:
+        yield warn(
+            "assumed_curve",
+            "thrust",
+            "The log has demands of thrust, which are linear in it, and the model takes outputs as shares of the full "
+            "speed: the slope of thrust in hover is up to twice the true one, and so is inertia. Log motor speeds, or "
+            "use physical.motors for thrust and inertia.",
+        )
 
 
 def _velocity(identified: FittedFlight) -> Iterator[Finding]:
