@@ -6,7 +6,7 @@ between the clocks of motors and gyro are found, as in a fit. From states of the
 vehicle over half a second; position, velocity, attitude and rates are compared with the log, and with a state that is
 kept.
 
-``simulate`` flies whole logs so, begun anew every two seconds. Where a flight leaves the range of those that were
+``simulate`` flies whole logs so, begun anew every half second. Where a flight leaves the range of those that were
 fitted (airspeed, climb, load factor, rotor speed), a finding says for how long.
 """
 
@@ -77,10 +77,10 @@ from rotorid.verification.multistep import (
 from rotorid.verification.scores import GOOD_TIC, nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores, Verification
 
-_PIECE_S = 2.0
-"""Length of the pieces in which a log is flown, unless the user chose one."""
-
 _AHEAD_S = 0.5
+"""How far motors alone predict a flight, and the length of the pieces in which a log is flown, unless the user chose it.
+Without its controller, an airframe turns any error of torque into a tilt that grows with time squared."""
+
 _AHEAD_STEP_S = 0.01
 _FLY_STEP_S = 0.02
 
@@ -181,9 +181,9 @@ class FlightPredictor(Immutable):
         ]
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
-        """Attitude, velocity and rates by the motors alone, begun anew at the measured state every two seconds."""
+        """Attitude, velocity and rates by the motors alone, begun anew at the measured state every half second."""
         data = self.data(record, settings.segments)
-        length_s = settings.pieces_s or _PIECE_S
+        length_s = settings.pieces_s or _AHEAD_S
         simulated, said = [], [*data.findings]
         for stretch in self._stretches(data):
             said += _beyond(stretch.flight, self._outside(stretch))
