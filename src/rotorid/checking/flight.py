@@ -78,7 +78,7 @@ from rotorid.verification.scores import GOOD_TIC, nrmse_fit_percent, rms, theil_
 from rotorid.verification.verification import Scores, Verification
 
 _AHEAD_S = 0.5
-"""How far motors alone predict a flight, and the length of the pieces in which a log is flown, unless the user chose it.
+"""How far motors alone predict a flight, and the length of the pieces of a flown log unless the user chose it.
 Without its controller, an airframe turns any error of torque into a tilt that grows with time squared."""
 
 _AHEAD_STEP_S = 0.01
