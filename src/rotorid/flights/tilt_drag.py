@@ -28,9 +28,10 @@ the bias then has a standard deviation of 0.2 m/s², which is an accelerometer m
 The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather. Its
 standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
 coefficients that count. Where something else than drag moves with the tilt, bands from 0.05 Hz or to 0.5 Hz show
-another drag, and the larger difference beyond chance is part of the error. A share of 1.5 % is added to drag, its
-spread between flights of one vehicle. Gusts last, so the error of the wind is that of the slowest cosines (Lazarus,
-Lewis, Stock and Watson, "HAR inference", 2018).
+another drag, and the larger difference beyond chance is part of the error. So is that of instruments of half and of
+twice the lag, which differ where a vehicle that holds its speed leans against gusts, and not where the velocity is
+wrong. A share of 1.5 % is added to drag, its spread between flights of one vehicle. Gusts last, so the error of the
+wind is that of the slowest cosines (Lazarus, Lewis, Stock and Watson, "HAR inference", 2018).
 
 Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
 ``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
@@ -523,7 +524,7 @@ class _Solved:
 
     value: FloatArray
     std: float
-    of_band: float
+    systematic: float
     height_std: float
     plain: float
     plain_std: float
@@ -547,13 +548,20 @@ class _Solved:
         # Gusts that the vehicle leans against are slow; what turns with the tilt, as flapping, is fast.
         wide, slow = (0.5 * LOW_HZ, HIGH_HZ), (LOW_HZ, 0.5 * HIGH_HZ)
         others = [_fitted(*_together(by_log, weights, band)) for band in (wide, slow)]
-        of_band = max(_beyond_chance(other[0] - found[0], _std(shown[0]), _std(moved[0])) for other, shown in others)
+        of_band = max(
+            _beyond_chance(other[0] - found[0], abs(_std(shown[0]) ** 2 - _std(moved[0]) ** 2))
+            for other, shown in others
+        )
+        # A tilt that answers the wind is correlated with it by another lag than with the velocity.
+        early, late = (_fitted(*_together(_lagging(by_log, factor), weights)) for factor in (0.5, 2.0))
+        of_lag = _beyond_chance(late[0][0] - early[0][0], _std(late[1][0] - early[1][0]) ** 2)
+        systematic = math.hypot(of_band, of_lag)
         stretches = [stretch for log in by_log for stretch in log]
         motion = sum(float(np.sum(stretch.part(*wide)[1] ** 2)) for stretch in stretches)
         return cls(
             value=found,
-            std=math.hypot(_std(moved[0]), of_band),
-            of_band=of_band,
+            std=math.hypot(_std(moved[0]), systematic),
+            systematic=systematic,
             height_std=_std(moved[1]),
             plain=float(plain[0]),
             plain_std=_std(plain_moved[0]),
@@ -564,12 +572,18 @@ class _Solved:
         )
 
 
-def _beyond_chance(difference: float, *stds: float) -> float:
-    """What random errors of two estimates, one of which has most of the data of the other, leave of their difference.
+def _beyond_chance(difference: float, variance: float) -> float:
+    """What random errors leave of a difference of two estimates.
 
-    The variance of such a difference is the difference of the variances (Hausman, "Specification tests", 1978).
+    Where one has most of the data of the other, the variance of their difference is the difference of their variances
+    (Hausman, "Specification tests in econometrics", 1978).
     """
-    return math.sqrt(max(float(difference) ** 2 - abs(stds[0] ** 2 - stds[1] ** 2), 0.0))
+    return math.sqrt(max(float(difference) ** 2 - variance, 0.0))
+
+
+def _lagging(by_log: Sequence[Sequence[_Stretch]], factor: float) -> list[list[_Stretch]]:
+    """The stretches with another lag of the instrument."""
+    return [[replace(stretch, lag_s=factor * stretch.lag_s) for stretch in log] for log in by_log]
 
 
 def _left(linear: FloatArray, found: FloatArray) -> FloatArray:
@@ -687,7 +701,7 @@ def _with_square(by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: S
         if not (values[0] > 0.0 and values[0] + values[1] * fast > 0.0):
             return None
         winds = [_wind(log, values[0], values[1]).mean for log in by_log]
-    stds = np.array([math.hypot(_std(moved[0]), solved.of_band), _std(moved[1])])
+    stds = np.array([math.hypot(_std(moved[0]), solved.systematic), _std(moved[1])])
     for place, log in enumerate(by_log):
         found = _wind(log, values[0], values[1])
         for axis in range(2):
