@@ -23,7 +23,7 @@ from rotorid.vehicles.catalog import aircraft
 MADE: Mapping[str, dict[str, Any]] = {
     "calm": {},
     "gusts, turning": {"wind_m_s": (3.0, -2.0), "gust_m_s": 0.6, "turning_rad_s": 0.06},
-    "gusts, speed held": {"wind_m_s": (3.0, -2.0), "gust_m_s": 0.6, "turning_rad_s": 0.06, "hold_1_s": 1.0},
+    "gusts, loop on the speed": {"wind_m_s": (3.0, -2.0), "gust_m_s": 0.6, "turning_rad_s": 0.06, "hold_1_s": 1.0},
     "small tilts in gusts": {"wind_m_s": (3.0, 0.0), "gust_m_s": 0.8, "tilt_rad": 0.04},
     "velocity wrong by 0.5 m/s": {"velocity_error_m_s": 0.5, "tilt_rad": 0.06, "turning_rad_s": 0.06},
     "accelerometer 5 cm high": {"height_m": -0.05, "tilt_rad": 0.06, "stick_s": 1.0},

@@ -39,7 +39,8 @@ Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that til
 :mod:`rotorid.flying.flight_air` takes the drag of a known vehicle to find the wind. Of an ordinary flight this is the
 only answer.
 
-Fails where the vehicle holds its position in gusts: there, the tilt follows the wind and not the stick.
+Fails where an autopilot controls speed or position in gusts and the flight hardly moves otherwise: there, the tilt follows
+the wind. Where that goes unnoticed, the drag is too large by up to half (docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -186,7 +187,8 @@ class TiltDrag(Immutable):
         both = [with_error(found.value, found.std) for found in (self.drag, self.plain)]
         message = (
             f"Drag is {both[0]} 1/s with the tilt as instrument and {both[1]} 1/s by plain regression on "
-            f"{self.velocity_source}, whose errors make it too small or too large. The first one counts."
+            f"{self.velocity_source}. Errors of that velocity make the second too small; gusts that the vehicle leans "
+            "against make the first too large. The first one counts."
         )
         return (warn("both_ways_disagree", where, message, drag_1_s=self.drag.value, plain_1_s=self.plain.value),)
 

@@ -440,7 +440,7 @@ def _drag_words(review: Review) -> str:
     if "drag_1_s" not in drag:
         return ""
     numbers = {name: QUANTITIES[name].shown(number) for name, number in {**drag, **wind}.items()}
-    reach = f"Drag is {numbers['drag_1_s']}: level flight at 30° of tilt reaches about {numbers['top_speed_m_s']}."
+    reach = f"Drag is {numbers['drag_1_s']}: level flight at 30° of tilt would reach about {numbers['top_speed_m_s']}."
     if "speed_m_s" not in numbers:
         return reach
     source = f" from {numbers['direction_deg']}" if "direction_deg" in numbers else ""

@@ -71,7 +71,7 @@ def test_card_document_and_page_say_drag_top_speed_and_wind(blows: bool) -> None
     made = made_review()
     seen = replace(made, flight=replace(made.flight, drag=DRAG, wind=WIND if blows else {}))
     (card,) = [card for card in cards(seen) if card.key == "power"]
-    assert "Drag is 0.30 ± 0.03 1/s: level flight at 30° of tilt reaches about 18.9 ± 1.8 m/s." in card.details
+    assert "Drag is 0.30 ± 0.03 1/s: level flight at 30° of tilt would reach about 18.9 ± 1.8 m/s." in card.details
     assert ("The wind was 3.3 ± 0.3 m/s from 60 ± 10°." in card.details) == blows
     document = review_document(seen).model_dump(mode="json", by_alias=True)
     assert document["drag"]["drag_1_s"]["value"] == 0.3
