@@ -39,8 +39,8 @@ Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that til
 :mod:`rotorid.flying.flight_air` takes the drag of a known vehicle to find the wind. Of an ordinary flight this is the
 only answer.
 
-Fails where an autopilot controls speed or position in gusts and the flight hardly moves otherwise: there, the tilt follows
-the wind. Where that goes unnoticed, the drag is too large by up to half (docs/accuracy.md).
+Fails where an autopilot controls speed or position in gusts and the flight hardly moves otherwise: there, the tilt
+follows the wind. Where that goes unnoticed, the drag is too large by up to half (docs/accuracy.md).
 """
 
 from __future__ import annotations
