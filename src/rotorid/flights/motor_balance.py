@@ -364,6 +364,6 @@ def _detectable(b: FloatArray, variance: FloatArray, freedom: float) -> float:
     """Rise of the motor that shows least, which would have been found four times out of five."""
     score = math.sqrt(float(special.chdtri(b.shape[1], FALSE_ALARM))) + _POWER_QUANTILE
     # A score of so many normal deviations is one of more deviations of Student's.
-    wider = float(-special.stdtrit(freedom, special.ndtr(-score))) / score
+    wider = float(-special.stdtrit(freedom, float(special.ndtr(-score)))) / score
     information = np.square(b / b.shape[0]) @ (1.0 / variance)
     return score * wider / math.sqrt(float(information.min())) if float(information.min()) > 0.0 else math.inf
