@@ -443,10 +443,11 @@ class _Search:
         if not shapes:
             self._find_lag(lags, least, {})
             return
-        # Curve and lag trade: the lag is sought with every curve, and the square stays unless another is better.
+        # Curve and lag trade: the lag is sought with every curve. A square stays unless another curve predicts better.
         found = {square: self._find_lag(lags, least, _curve(square)) for square in _SQUARES}
-        best = min(_SQUARES, key=lambda square: found[square][0])
-        self.square = best if found[best][0] < least * found[1.0][0] else 1.0
+        unseen = {square: self._thirds_error({**_curve(square), "T_motor": found[square][1]}) for square in _SQUARES}
+        best = min(_SQUARES, key=lambda square: unseen[square])
+        self.square = best if unseen[best] < (1.0 - self.choices.least_gain) * unseen[1.0] else 1.0
         _, self.values["T_motor"], self.motor_lag_shown = found[self.square]
         if self.bent:
             self.values |= _curve(self.square)
@@ -467,6 +468,11 @@ class _Search:
     def bent(self) -> bool:
         """Whether the thrust curve of outputs has a part that is no square."""
         return self.square < 1.0
+
+    def _thirds_error(self, at: Mapping[str, float]) -> float:
+        """Error on thirds that were left out in turn at some lag and curve, N."""
+        wholes = [row.products(self.cutoff_hz) for row in self.rows(self.names, at)]
+        return self._unseen_error([part for whole in wholes for part in whole.thirds()], self.names)
 
     def _lost(self, at: Mapping[str, float]) -> float:
         """Sum of squares that the columns of every fit leave at some lag and curve."""
