@@ -132,15 +132,14 @@ def craft_of(vehicle: str, motors: Motors, terms: Terms = "basic") -> tuple[Airc
     weight_n = body.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors
     # Thrust of the speed is a square; of the output it is the curve of the vehicle.
     curve = (0.0, 0.0, sum(rotors.thrust)) if motors == "speeds" else rotors.thrust
-    share = replace(rotors, thrust=curve).share_of(weight_n)
+    # Of the full speed, whose square thrust is.
+    share = float(np.sqrt(weight_n / sum(curve)))
     hover_m_s = float(np.sqrt(weight_n / (2.0 * 1.225 * DISC_M2[vehicle])))
-    inflow = air.lost / (1.0 - air.lost) * weight_n / hover_m_s / share
-    kappa = float(np.polynomial.polynomial.polyval(share, rotors.torque_curve)) / rotors.thrust_at(share)
+    inflow = air.lost / (1.0 - air.lost) * sum(curve) * share / hover_m_s
+    kappa = sum(rotors.torque_curve) / sum(rotors.thrust)
     values = {
         "m": body.mass_kg,
-        "c_0": curve[0],
-        "c_1": curve[1] / full,
-        "c_2": (curve[2] + inflow * hover_m_s / share) / full**2,
+        **{f"c_{power}": curve[power] / (1.0 - air.lost) / full**power for power in range(3)},
         "c_lambda": inflow / full,
         "k_d": air.drag_1_s * body.mass_kg / (rotors.layout.rotors * share) / full,
         "T_motor": air.lag_s,

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.twins.flight_flights import AIR, FULL_RAD_S, RATE_HZ, Case, FlightTwin, Motors, twin
 
-from rotorid.models.flight import FLIGHT_PARAMETERS, felt, flight_loads
+from rotorid.models.flight import FLIGHT_PARAMETERS, felt, flight_loads, speeds_of_outputs
 
 ACCELEROMETER_M_S2 = 0.1
 
@@ -18,7 +18,8 @@ def _residual(flown: FlightTwin, full: float) -> np.ndarray:
     turn = Rotation.from_euler("ZYX", np.stack([truth[name] for name in ("psi", "theta", "phi")]).T)
     air = [truth[f"velocity_{axis}"] - truth[f"wind_{axis}"] for axis in ("north", "east", "down")]
     rates = np.stack([truth[name] for name in "pqr"])
-    speeds = full * np.stack([truth[f"motor_speed_{number}"] for number in range(1, 5)])
+    outputs = np.stack([truth[f"motor_speed_{number}"] for number in range(1, 5)])
+    speeds = full * outputs if full != 1.0 else speeds_of_outputs(flown.truth, outputs)
     loads = flight_loads(
         flown.truth, flown.frame, speeds=speeds, velocity=turn.inv().apply(np.stack(air).T).T, rates=rates
     )

@@ -248,7 +248,7 @@ def gazebo_vehicle(
         lag_down_s=_LAG_DOWN_S if lag_s is None else _own(vehicle, "T_motor_down", lag_s),
         slowest=slowest,
         fastest=fastest,
-        rolling=_rolling(body, output / float(np.sqrt(force / thrust))),
+        rolling=_rolling(body, float(np.sqrt(thrust / body.rotors.thrust_at(1.0)))),
     )
 
 

@@ -21,7 +21,9 @@ _FLU = np.diag([1.0, -1.0, -1.0])
 
 def rotor_air(air: dict[str, np.ndarray], x: np.ndarray, velocity: np.ndarray, rates: np.ndarray) -> np.ndarray:
     """Force (N) and moment (N m) that motion through the air adds to rotors at the lagged outputs x."""
-    hubs, hover = air["hubs"], air["induced"] * np.maximum(x, 0.0)
+    c_0, c_1, c_2 = air["curve"]
+    share = np.sqrt(np.maximum(c_0 + x * (c_1 + x * c_2), 0.0) / (c_0 + c_1 + c_2))
+    hubs, hover = air["hubs"], air["induced"] * share
     local = velocity + np.cross(rates, hubs)
     across, climb, edge = local[:, :2], local[:, 2], np.hypot(local[:, 0], local[:, 1])
     # The induced velocity of momentum theory, from that of hover by Newton's method.
@@ -32,17 +34,17 @@ def rotor_air(air: dict[str, np.ndarray], x: np.ndarray, velocity: np.ndarray, r
         slope = np.maximum(1.0 + hover**2 * through / length**3, 0.3)
         induced = np.clip(induced - (induced - hover**2 / length) / slope, 0.0, 3.0 * hover + 1.0)
     inflow = climb + induced
-    lift = -air["c_lambda"] * x * (inflow - hover)
-    lift = lift + edge * (air["c_h"] * x + air["c_hw"] * climb + air["c_ha"] * np.abs(climb))
+    lift = -air["c_lambda"] * share * (inflow - hover)
+    lift = lift + edge * (air["c_h"] * share + air["c_hw"] * climb + air["c_ha"] * np.abs(climb))
     lift = lift + air["c_wake"] * (hubs[:, :2] * across).sum(axis=1) * climb
-    push = np.column_stack([-(air["k_d"] * x + air["k_w"] * climb)[:, None] * across, lift])
+    push = np.column_stack([-(air["k_d"] * share + air["k_w"] * climb)[:, None] * across, lift])
     moment = np.cross(hubs, push).sum(axis=0)
-    tilting = air["m_f"] * x * induced / (np.abs(inflow) + np.hypot(edge, inflow) + 1e-6)
-    rolling = air["m_s"] * air["spins"] * x
+    tilting = air["m_f"] * share * induced / (np.abs(inflow) + np.hypot(edge, inflow) + 1e-6)
+    rolling = air["m_s"] * air["spins"] * share
     moment[0] += (tilting * local[:, 1] + rolling * local[:, 0]).sum()
     moment[1] += (-tilting * local[:, 0] + rolling * local[:, 1]).sum()
     moment[2] -= (air["kappa_lambda"] * air["spins"] * (inflow**2 - hover**2)).sum()
-    moment[2] -= (air["k_r"] * x).sum() * rates[2]
+    moment[2] -= (air["k_r"] * share).sum() * rates[2]
     force = push.sum(axis=0)
     force[2] -= air["d_z"] * velocity[2] * np.sqrt((velocity**2).sum())
     return np.concatenate([force, moment])
@@ -67,6 +69,8 @@ def air_numbers(body: Multirotor) -> dict[str, FloatArray]:
         "d_z": plain.vertical_drag,
     }
     return {
+        # Of rotors whose drag goes by the output itself, that is the speed.
+        "curve": np.array(body.rotors.thrust if plain.has_flow else (0.0, 0.0, 1.0)),
         "hubs": body.hubs_m @ _FLU,
         "spins": np.array(body.rotors.layout.spins),
         **{name: np.array(value) for name, value in numbers.items()},

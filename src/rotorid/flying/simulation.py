@@ -36,6 +36,7 @@ from rotorid.planning.amplitude import Reached, reached
 from rotorid.results.provenance import LoggedManeuver, Provenance
 from rotorid.settings.option import require_seed
 from rotorid.simulation.linearization import hover_derivatives_of
+from rotorid.simulation.multirotor import Rotors
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -240,11 +241,11 @@ def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
         duration_s=run.flown.samples / run.flown.sample_rate_hz,
         changed=run.drawn,
         reached=reached(run.flown),
-        findings=tuple(beyond_tested(path.name, run.flown, choices.tested)),
+        findings=tuple(beyond_tested(path.name, run.flown, choices.tested, choices.aircraft.vehicle.rotors)),
     )
 
 
-def beyond_tested(name: str, flown: SimulatedFlight, tested: FlightRange | None) -> list[Finding]:
+def beyond_tested(name: str, flown: SimulatedFlight, tested: FlightRange | None, rotors: Rotors) -> list[Finding]:
     """Whether a flight leaves the range that its vehicle was identified on.
 
     Parameters
@@ -254,7 +255,9 @@ def beyond_tested(name: str, flown: SimulatedFlight, tested: FlightRange | None)
     flown
         What flew.
     tested
-        The range, rotors by their outputs; ``None`` where nobody knows.
+        The range, rotors by shares of their full speed; ``None`` where nobody knows.
+    rotors
+        Of the vehicle.
     """
     if tested is None:
         return []
@@ -269,7 +272,7 @@ def beyond_tested(name: str, flown: SimulatedFlight, tested: FlightRange | None)
             outside(
                 tested,
                 velocity=to_body(quaternion_from_euler(angles), np.stack(over_earth)),
-                speeds=np.stack(speeds),
+                speeds=rotors.speed_shares(np.stack(speeds)),
                 load=-truth["az"] / STANDARD_GRAVITY_M_S2,
             )
         ]

@@ -5,8 +5,10 @@ make them in hover, by outputs from zero to one:
 
 .. math::
 
-    \bar c_2 = c_2 - c_\lambda \frac{v_h}{\Omega_h}, \qquad
-    \bar\kappa = \frac{\kappa \, T_{static}(\Omega_h) + \kappa_\lambda v_h^2}{T(\Omega_h)}
+    \bar c_i = c_i \left(1 - \frac{c_\lambda}{C} \frac{v_h}{\Omega_h}\right), \qquad
+    \bar\kappa = \frac{\kappa \, C \, \Omega_h^2 + \kappa_\lambda v_h^2}{T(\Omega_h)}
+
+with the thrust C without inflow at a speed of one.
 
 What the rotors do to a vehicle that moves follows about hover as derivatives, X_u to N_r.
 """
@@ -19,9 +21,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from rotorid.models.flight import CURVE_TERMS, hover_thrust, static_thrust
+from rotorid.models.flight import CURVE_TERMS, full_thrust, hover_thrust
 from rotorid.results.summary import airframe_of
 from rotorid.simulation.multirotor import RotorFlow
 
@@ -82,15 +82,17 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
     values = {name: estimate.value for name, estimate in own.items() if estimate.status != "dropped"}
     hover = hover_thrust(values, airframe_of(motors, flight, values["m"]))
     found = dict(own)
-    square = values.get("c_2", 0.0) - values.get("c_lambda", 0.0) * hover.induced_m_s / hover.speed
-    alone = set(CURVE_TERMS) & set(values) == {"c_2"}
-    of_square = own.get("c_2", own.get("c_lambda"))
-    if of_square is not None:
-        stated = flight.hover.get("thrust_coefficient")
-        std = stated.std if alone and stated is not None else _square_std(model, hover.induced_m_s / hover.speed)
-        found["c_2"] = replace(of_square, value=square, std=std)
+    left = hover.coefficient / full_thrust(values)
+    stated = flight.hover.get("thrust_coefficient")
+    for name in CURVE_TERMS:
+        if name in values:
+            std = own[name].std
+            alone = len(set(CURVE_TERMS) & set(values)) == 1 and stated is not None
+            # What inflow and static thrust trade cancels in hover.
+            std = stated.std if alone and stated is not None else None if std is None else left * std
+            found[name] = replace(own[name], value=left * own[name].value, std=std)
     if "kappa" in values:
-        static = float(static_thrust(values, np.array(hover.speed)))
+        static = full_thrust(values) * hover.speed**2
         thrust = hover.coefficient * hover.speed**2
         torque = values["kappa"] * static + values.get("kappa_lambda", 0.0) * hover.induced_m_s**2
         share = torque / thrust / values["kappa"]
@@ -100,15 +102,6 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
         if "I_zz" in values:
             found["kappa_per_I_zz"] = _ratio(found["kappa"], own["I_zz"])
     return found
-
-
-def _square_std(model: IdentifiedModel, per_speed: float) -> float | None:
-    """Of the coefficient in hover at a given speed: what inflow and static thrust trade cancels."""
-    names = model.bounds.names
-    row = np.array([{"c_2": 1.0, "c_lambda": -per_speed}.get(name, 0.0) for name in names])
-    if not row.any():
-        return None
-    return float(np.sqrt(max(row @ model.bounds.covariance @ row, 0.0)))
 
 
 def _ratio(kappa: ParameterEstimate, inertia: ParameterEstimate) -> ParameterEstimate:

@@ -42,7 +42,7 @@ from rotorid.typing import FloatArray
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-_STILL_M_S = 1e-6
+_STILL_M_S, _STILL = 1e-6, 1e-12
 _NEWTON_STEPS, _LEAST_SLOPE = 12, 0.3
 """At most, and the least slope: in the vortex ring state momentum theory has none that leads anywhere."""
 _SOLVED = 1e-9
@@ -104,14 +104,19 @@ def derivative(
         out[STATES + i] = speed_rate
         thrust = c0 + x * (c1 + x * c2)
         torque = d0 + x * (d1 + x * d2)
+        spin, spin_rate = x, speed_rate
         if body.has_air:
             rx, ry, rz = body.hubs[i, 0], body.hubs[i, 1], body.hubs[i, 2]
             ui, vi, wi = u + q * rz - r * ry, v + r * rx - p * rz, w + p * ry - q * rx
-            thrust += body.inflow * x * wi
-            drag = -body.induced_drag * x
+            if body.has_flow:
+                # The speed that the thrust in hover gives, of which thrust is the square.
+                spin = np.sqrt(thrust / body.full_thrust) if thrust.real > 0.0 else 0.0 * x
+                spin_rate = (c1 + 2.0 * c2 * x) * speed_rate / (2.0 * body.full_thrust * (spin + _STILL))
+            thrust += body.inflow * spin * wi
+            drag = -body.induced_drag * spin
             if body.has_flow:
                 # The induced velocity of momentum theory, from that of hover by Newton's method, as in models.flight.
-                hover = body.induced_per_share * x if x.real > 0.0 else 0.0 * x
+                hover = body.induced_per_share * spin
                 induced, strength, climb = hover, hover * hover, -wi
                 across = ui * ui + vi * vi
                 for _ in range(_NEWTON_STEPS):
@@ -129,19 +134,19 @@ def derivative(
                     if abs(change.real) <= _SOLVED * hover.real:
                         break
                 lam = climb + induced
-                thrust -= body.inflow * x * (induced - hover)
+                thrust -= body.inflow * spin * (induced - hover)
                 torque += body.inflow_torque * (lam * lam - strength)
                 # Without a corner where there is no edgewise flow.
                 edge = np.sqrt(across + 1e-18)
-                thrust += edge * (body.edge_lift * x + body.edge_climb_lift * climb)
+                thrust += edge * (body.edge_lift * spin + body.edge_climb_lift * climb)
                 thrust += edge * body.edge_speed_lift * np.sqrt(climb * climb)
                 thrust += body.wake * (rx * ui + ry * vi) * climb
                 drag -= body.climb_drag * climb
                 through = lam if lam.real >= 0.0 else -lam
-                tilting = body.flapping * x * induced / (through + np.sqrt(across + lam * lam) + _STILL_M_S)
-                L += body.side_flapping[i] * x * ui - tilting * vi
-                M += body.side_flapping[i] * x * vi + tilting * ui
-                N -= body.yaw_damping * x * r
+                tilting = body.flapping * spin * induced / (through + np.sqrt(across + lam * lam) + _STILL_M_S)
+                L += body.side_flapping[i] * spin * ui - tilting * vi
+                M += body.side_flapping[i] * spin * vi + tilting * ui
+                N -= body.yaw_damping * spin * r
             if body.inclined:
                 across = ui * ui + vi * vi
                 total = across + wi * wi
@@ -159,12 +164,12 @@ def derivative(
         M += E[4, i] * thrust + T[1, i] * torque
         N += E[5, i] * thrust + T[2, i] * torque
         if body.has_spin:
-            L -= body.spin_momentum[0, i] * speed_rate
-            M -= body.spin_momentum[1, i] * speed_rate
-            N -= body.spin_momentum[2, i] * speed_rate
-            hx += body.spin_momentum[0, i] * x
-            hy += body.spin_momentum[1, i] * x
-            hz += body.spin_momentum[2, i] * x
+            L -= body.spin_momentum[0, i] * spin_rate
+            M -= body.spin_momentum[1, i] * spin_rate
+            N -= body.spin_momentum[2, i] * spin_rate
+            hx += body.spin_momentum[0, i] * spin
+            hy += body.spin_momentum[1, i] * spin
+            hz += body.spin_momentum[2, i] * spin
     if body.has_aerodynamics:
         A = body.aerodynamics
         X += A[0, 0] * u + A[0, 1] * v + A[0, 2] * w + A[0, 3] * p + A[0, 4] * q + A[0, 5] * r

@@ -6,10 +6,10 @@ hover :math:`v_h = \nu x`,
 
 .. math::
 
-    T_{hover} = c_0 + c_1 x + (c_2 - c_\lambda \nu) x^2, \qquad
-    Q_{hover} = \kappa (c_0 + c_1 x + c_2 x^2) + \kappa_\lambda \nu^2 x^2
+    T_{hover} = (C - c_\lambda \nu) x^2, \qquad Q_{hover} = (\kappa C + \kappa_\lambda \nu^2) x^2
 
-where x is the speed as the numbers have it: rad/s, or a share of the full speed for motors known by their outputs.
+where x is the speed as the numbers have it, and C the thrust without inflow at a speed of one: ``c_2`` in rad/s, or the
+sum of the curve's coefficients for motors known by their outputs u, where :math:`C x^2 = c_0 + c_1 u + c_2 u^2`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorid.models.flight import Airframe, hover_thrust
+from rotorid.models.flight import Airframe, full_thrust, hover_thrust
 from rotorid.models.rotors import RotorLayout
 from rotorid.simulation.multirotor import Multirotor, RotorFlow, Rotors
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -55,18 +55,16 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
     """
     get = {name: values.get(name, 0.0) for name in _NAMES}.__getitem__
     found = hover_thrust(values, airframe)
-    per_share = full * found.induced_m_s / found.speed
+    per_speed = found.induced_m_s / found.speed
     inflow = full * get("c_lambda")
-    c_0, c_1, c_2 = get("c_0"), full * get("c_1"), full**2 * get("c_2")
-    square = c_2 - inflow * per_share
-    if abs(square) <= _CANCELLED * abs(c_2):
-        square = 0.0
-    kappa = get("kappa")
+    static = full_thrust(values)
+    left = 1.0 - get("c_lambda") * per_speed / static
+    torque = (get("kappa") * static + get("kappa_lambda") * per_speed**2) / (static * left)
     lag_s = get("T_motor")
     return Rotors(
         layout=layout,
-        thrust=(c_0, c_1, square),
-        torque=(kappa * c_0, kappa * c_1, kappa * c_2 + get("kappa_lambda") * per_share**2),
+        thrust=(left * get("c_0"), left * full * get("c_1"), left * full**2 * get("c_2")),
+        torque_per_thrust_m=torque,
         lag_up_s=lag_s,
         lag_down_s=lag_s,
         induced_drag_n_s_m=full * get("k_d"),
@@ -88,9 +86,6 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
         ),
     )
 
-
-_CANCELLED = 1e-12
-"""Share of the static square that is left of thrust that goes straight with the output in hover."""
 
 _NAMES = (
     *("c_0", "c_1", "c_2", "c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "c_wake"),
@@ -138,8 +133,7 @@ def with_flight(vehicle: Multirotor, values: Mapping[str, float], *, disc_m2: fl
 def flight_values(vehicle: Multirotor, *, full: float = 1.0) -> dict[str, float]:
     """What :func:`with_flight` makes of a vehicle, back: its numbers about its own center of gravity.
 
-    The torque constant is that of hover; a vehicle with a torque curve of another shape than that of thrust has no
-    other one.
+    The torque constant is that of hover, whatever the shape of a torque curve.
 
     Parameters
     ----------
@@ -158,11 +152,10 @@ def flight_values(vehicle: Multirotor, *, full: float = 1.0) -> dict[str, float]
     rotors, flow = vehicle.rotors, vehicle.rotors.flow or RotorFlow()
     per_share = vehicle.induced_per_share_m_s
     share = rotors.share_of(vehicle.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors)
-    c_0, c_1, c_2 = rotors.thrust
-    c_2 += rotors.inflow_n_s_m * per_share
-    t_0, t_1, t_2 = rotors.torque_curve
-    t_2 -= flow.inflow_torque_n_s2_m * per_share**2
-    at = np.array([1.0, share, share**2])
+    hovering = rotors.thrust_at(1.0)
+    static = hovering + rotors.inflow_n_s_m * per_share
+    c_0, c_1, c_2 = (static / hovering * coefficient for coefficient in rotors.thrust)
+    torque = hovering * float(np.polynomial.polynomial.polyval(share, rotors.torque_curve)) / rotors.thrust_at(share)
     diagonal = vehicle.inertia_kg_m2.diagonal()
     return {
         "m": vehicle.mass_kg,
@@ -181,7 +174,7 @@ def flight_values(vehicle: Multirotor, *, full: float = 1.0) -> dict[str, float]
         "I_xx": float(diagonal[0]),
         "I_yy": float(diagonal[1]),
         "I_zz": float(diagonal[2]),
-        "kappa": float(at @ [t_0, t_1, t_2]) / float(at @ [c_0, c_1, c_2]),
+        "kappa": (torque - flow.inflow_torque_n_s2_m * per_share**2) / static,
         "J_r": rotors.inertia_kg_m2 * rotors.full_speed_rad_s / full,
         "m_f": flow.flapping_n_s / full,
         "m_s": flow.side_flapping_n_s / full,

@@ -58,7 +58,9 @@ class RotorFlow(Immutable):
     r"""What rotors do beyond drag and inflow that are linear in the motion; the equations of `rotorid.models.flight`.
 
     With the edgewise flow :math:`h_i` of length :math:`|h_i|`, the climb :math:`c_i = -w_i`, the induced velocity
-    :math:`v_i` and the inflow :math:`\lambda_i = c_i + v_i` of each rotor at the share :math:`x_i` of its full speed.
+    :math:`v_i` and the inflow :math:`\lambda_i = c_i + v_i` of each rotor at the share :math:`x_i` of its full speed,
+    of which thrust is the square: the root of its thrust in hover over that at full output. Drag, inflow and momentum
+    of the rotors go by that share too.
 
     Parameters
     ----------
@@ -186,6 +188,14 @@ class Rotors(Immutable):
     def thrust_at(self, share: float) -> float:
         """Newtons at a speed, away from any motion through the air."""
         return self.thrust[0] + share * (self.thrust[1] + share * self.thrust[2])
+
+    def speed_shares(self, outputs: FloatArray) -> FloatArray:
+        """Shares of the full speed by lagged outputs: with a flow, what the square of is thrust; else the outputs."""
+        if self.flow is None:
+            return outputs
+        c_0, c_1, c_2 = self.thrust
+        thrust_n = c_0 + outputs * (c_1 + outputs * c_2)
+        return np.asarray(np.sqrt(np.maximum(thrust_n, 0.0) / self.thrust_at(1.0)))
 
     def share_of(self, thrust_n: float) -> float:
         """Speed that makes a thrust where thrust rises with speed, as a share of the largest.
@@ -360,18 +370,9 @@ class Multirotor(Immutable):
 
     @property
     def induced_per_share_m_s(self) -> float:
-        """Velocity that a rotor induces in hover, over its speed's share of the largest; zero without a disc.
-
-        Raises
-        ------
-        ModelError
-            The rotors cannot carry the weight.
-        """
+        """Velocity that a rotor induces in hover, over its speed's share of the largest; zero without a disc."""
         flow = self.rotors.flow
-        if flow is None or not flow.disc_m2:
-            return 0.0
-        weight_n = self.mass_kg * STANDARD_GRAVITY_M_S2 / self.rotors.layout.rotors
-        return flow.induced_m_s(weight_n) / self.rotors.share_of(weight_n)
+        return 0.0 if flow is None else flow.induced_m_s(self.rotors.thrust_at(1.0))
 
     def body(self) -> Body:
         """The same as plain numbers, for the kernels."""
@@ -408,6 +409,7 @@ class Multirotor(Immutable):
             inflow=float(rotors.inflow_n_s_m),
             has_air=bool(rotors.induced_drag_n_s_m or rotors.inflow_n_s_m or rotors.flow),
             has_flow=rotors.flow is not None,
+            full_thrust=float(rotors.thrust_at(1.0)),
             induced_per_share=float(self.induced_per_share_m_s),
             edge_lift=float(flow.edge_lift_n_s_m),
             edge_climb_lift=float(flow.edge_climb_lift_n_s2_m2),
@@ -579,6 +581,8 @@ class Body(NamedTuple):
     """Whether the rotors feel how they move through the air."""
     has_flow: bool
     """Whether they do more of what :class:`RotorFlow` holds, in its order."""
+    full_thrust: float
+    """Thrust of a rotor in hover at full output, N."""
     induced_per_share: float
     """Induced velocity of hover, m/s, at full speed."""
     edge_lift: float
