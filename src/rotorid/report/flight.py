@@ -11,7 +11,7 @@ import numpy as np
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
-from rotorid.models.flight import FLIGHT_PARAMETERS, flight_loads
+from rotorid.models.flight import FLIGHT_PARAMETERS, flight_loads, speeds_of_outputs
 from rotorid.plot.flight import drag_by_airspeed, thrust_in_air
 from rotorid.report.frame import Picture, drawn
 from rotorid.report.motors import VehicleRow
@@ -270,7 +270,7 @@ def thrust_by_flow(
     if edge >= 1.0:
         flows[f"{edge:.2g} m/s along the discs"] = (edge, 0.0)
     still = np.zeros((3, speeds.size))
-    turning = np.tile(speeds, (airframe.rotors, 1))
+    turning = np.tile(speeds_of_outputs(values, speeds), (airframe.rotors, 1))
     found = {}
     for words, (ahead, down) in flows.items():
         velocity = np.tile(np.array([ahead, 0.0, down])[:, None], speeds.size)

@@ -11,6 +11,7 @@ from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.quantity import MISSING, milliseconds, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
+from rotorid.models.flight import speeds_of_outputs
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import Picture, drawn
@@ -312,7 +313,8 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
     rows = {name: outputs**power for name, power in _TERMS.items()}
     if (flight := document.flight) is not None:
         induced, speed = (flight.hover[name].value for name in ("induced_velocity", "speed"))
-        rows["c_lambda"] = -(outputs**2) * induced / speed
+        values = {name: estimate.value for name, estimate in document.parameters.items()}
+        rows["c_lambda"] = -(speeds_of_outputs(values, outputs) ** 2) * induced / speed
     found = {name: document.parameters[name] for name in rows if name in document.parameters}
     thrust_n = np.zeros(outputs.shape)
     for name, estimate in found.items():

@@ -11,8 +11,8 @@ from rotorid.models.flight import (
     FLIGHT_PARAMETERS,
     Airframe,
     HoverThrust,
+    full_thrust,
     hover_thrust,
-    static_thrust,
 )
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.rotors import RotorLayout
@@ -134,25 +134,31 @@ def _numbers(values: Mapping[str, float], airframe: Airframe, at_speed: float, *
         "thrust_slope": hover.slope_n,
         "speed": hover.speed,
         "induced_velocity": hover.induced_m_s,
-        "thrust_hover": _still_thrust(values, hover, at_speed),
+        # Induced velocity grows with the speed, so that inflow takes the same share of thrust at any.
+        "thrust_hover": hover.coefficient * at_speed**2,
     }
     if "k_d" in values:
         found["drag"] = airframe.rotors * values["k_d"] * hover.speed / airframe.mass_kg
     if speeds:
         return found
-    full = _still_thrust(values, hover, 1.0)
+    output, per_output = _output_of(values, hover.speed)
     return found | {
-        "output": hover.speed,
-        "output_slope": hover.slope_n,
-        "thrust_full": full,
-        "thrust_to_weight": full / (hover.coefficient * hover.speed**2),
+        "output": output,
+        "output_slope": hover.slope_n * per_output,
+        "thrust_full": hover.coefficient,
+        "thrust_to_weight": 1.0 / hover.speed**2,
     }
 
 
-def _still_thrust(values: Mapping[str, float], hover: HoverThrust, speed: float) -> float:
-    """Thrust of a rotor in still air, whose induced velocity grows with its speed, N."""
-    lost = values.get("c_lambda", 0.0) * hover.induced_m_s / hover.speed * speed**2
-    return float(static_thrust(values, np.array(speed))) - lost
+def _output_of(values: Mapping[str, float], speed: float) -> tuple[float, float]:
+    """The output that gives a speed, as a share of the full one, and the change of the speed with the output."""
+    constant, linear, square = (values.get(name, 0.0) for name in ("c_0", "c_1", "c_2"))
+    thrust = full_thrust(values) * speed**2
+    if square == 0.0:
+        output = (thrust - constant) / linear
+    else:
+        output = (-linear + np.sqrt(max(linear**2 + 4.0 * square * (thrust - constant), 0.0))) / (2.0 * square)
+    return float(output), float((linear + 2.0 * square * output) / (2.0 * speed * full_thrust(values)))
 
 
 _MOMENTS = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa/I_zz"}
@@ -165,10 +171,11 @@ def hover_structure(
 
     .. math::
 
-        \delta F_i = (c_1 + 2 c_2 \Omega_h - c_\lambda v_h) \, \delta \Omega_i, \qquad
+        \delta F_i = (2 c_2 \Omega_h - c_\lambda v_h) \frac{d\Omega}{du} \, \delta u_i, \qquad
         \dot w = Z_w w - \tfrac{1}{m} \sum \delta F_i, \qquad Z_w = -\tfrac{n}{2 m} c_\lambda \Omega_h
 
-    with the speed and induced velocity of hover; climb takes half of its speed from the induced velocity.
+    with the speed and induced velocity of hover; climb takes half of its speed from the induced velocity. The common
+    thrust lags by ``T_thrust``, differences between rotors do not.
 
     Parameters
     ----------
@@ -182,7 +189,7 @@ def hover_structure(
         Rates whose inertia is known.
     """
     names, motors = parameters.names, range(1, layout.rotors + 1)
-    lag = "T_motor" in names
+    lag, together = "T_motor" in names, "T_thrust" in names
     speeds = [f"x_{i}" if lag else f"motor_{i}" for i in motors]
     equations = [f"T_motor*x_{i}' = -x_{i} + motor_{i}" for i in motors] if lag else []
     arms, torque = layout.moment_arms, layout.torque_axes
@@ -198,9 +205,10 @@ def hover_structure(
         )
         equations.append(f"{axis}'{spin_up} = {axis}_thrust*({terms})")
     total = " + ".join(speeds)
+    equations += [f"T_thrust*x_all' = -x_all + {total}"] if together else []
     inflow = "c_lambda" in names
-    equations.append(f"w' = {'Z_w*w ' if inflow else ''}- az_thrust*({total})")
-    states = [*(speeds if lag else []), *axes, "w"]
+    equations.append(f"w' = {'Z_w*w ' if inflow else ''}- az_thrust*({'x_all' if together else total})")
+    states = [*(speeds if lag else []), *axes, *(["x_all"] if together else []), "w"]
     lines = [
         'schema = "rotorid.model/1"',
         'name = "physical.flight"',
@@ -222,7 +230,7 @@ def hover_structure(
 
 def _tables(parameters: ParameterSet, axes: Sequence[str], rotors: int) -> list[str]:
     names = parameters.names
-    used = {"m", "c_0", "c_1", "c_2", "c_lambda", "T_motor"}
+    used = {"m", "c_0", "c_1", "c_2", "c_lambda", "T_motor", "T_thrust"}
     used |= {name for axis in axes for name in _MOMENTS[axis].removeprefix("1/").split("/")}
     used |= {"J_r"} if "r" in axes and "T_motor" in names else set()
     lines: list[str] = []
@@ -234,14 +242,18 @@ def _tables(parameters: ParameterSet, axes: Sequence[str], rotors: int) -> list[
                 f'unit = "{parameter.unit}"',
                 *(['status = "fixed"'] if parameter.status != "free" else []),
             ]
-    terms = (("c_1", "c_1"), ("c_2", "2*c_2*Omega_0"), ("c_lambda", "(-c_lambda)*v_0"))
-    slope = f"({' + '.join(term for name, term in terms if name in names)})"
+    full = " + ".join(name for name in ("c_0", "c_1", "c_2") if name in names)
+    slope = f"2*({full})*Omega_0{' - c_lambda*v_0' if 'c_lambda' in names else ''}"
+    # What the speed, as a share of the full one, gains by the output.
+    curve = " + ".join(term for name, term in (("c_1", "c_1"), ("c_2", "2*c_2*x_0")) if name in names)
+    gained = f"({curve})/(2*Omega_0*({full}))" if {"c_0", "c_1"} & set(names) else ""
+    slope = f"({slope})*{gained}" if gained else f"({slope})"
     tied = {f"{axis}_thrust": f"{slope}*{_MOMENTS[axis]}".replace("*1/", "/") for axis in axes}
     tied["az_thrust"] = f"{slope}/m"
     if "c_lambda" in names:
         tied["Z_w"] = f"(-{0.5 * rotors!r})*c_lambda*Omega_0/m"
     if "r" in axes and "J_r" in names and "T_motor" in names:
-        tied["spin_up"] = "J_r/I_zz"
+        tied["spin_up"] = f"J_r*{gained}/I_zz" if gained else "J_r/I_zz"
     units = {"p_thrust": "rad/(m s^2)", "q_thrust": "rad/(m s^2)", "r_thrust": "rad/s^2", "az_thrust": "m/s^2"}
     units["spin_up"] = "1"
     for name, expression in tied.items():

@@ -1,10 +1,10 @@
 r"""The fit of force: what enters, which lags and filters, which wind, by the error of data that were not fitted.
 
 Every fit has ``c_2``, ``c_lambda``, ``k_d`` and the place of the accelerometer, as far as flights show them; motors
-that are known by outputs have a lag too. Then terms are tried one after the other, in the order of a ladder. They stay
-if they lower the error of data that were not fitted by a hundredth, both where thirds of every record and where whole
-records are left out in turn: thirds alone let in what differs from flight to flight, whole records alone what one
-flight of two cannot show.
+that are known by outputs have a lag and a curve too. Then terms are tried one after the other, in the order of a
+ladder. They stay if they lower the error of data that were not fitted by a hundredth, both where thirds of every record
+and where whole records are left out in turn: thirds alone let in what differs from flight to flight, whole records
+alone what one flight of two cannot show.
 
 Where vertical speed and load hardly changed, thrust without inflow and what inflow takes are one number, and their
 ratio is that of a usual propeller: ``c_lambda`` is tied. Where airspeed hardly changed, there is no drag to find.
@@ -43,11 +43,11 @@ from rotorid.fitting.flight.force import (
 )
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
 from rotorid.frames import earth_to_body
-from rotorid.models.flight import FORCE_TERMS, Airframe, hover_thrust
+from rotorid.models.flight import CURVE_TERMS, FORCE_TERMS, Airframe, full_thrust, hover_thrust
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
-LADDER: tuple[str, ...] = ("c_1", "k_w", "c_h", "c_hw", "c_ha", "d_z")
+LADDER: tuple[str, ...] = ("k_w", "c_h", "c_hw", "c_ha", "d_z")
 """Terms beyond those of every fit, in the order in which they are tried."""
 
 _FAST_M_S = 8.0
@@ -60,6 +60,9 @@ _LEAST_RATE_RAD_S, _LEAST_TURNING_RAD_S2 = 1.0, 1.0
 _POSITIVE = ("c_lambda", "k_d")
 _NO_BETTER = "data that were not fitted are no better"
 _SUPERFLUOUS = "later terms do the same"
+
+_SQUARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of the thrust curve that are a square of the output."""
 
 _MOTOR_LAGS_S = (0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.19)
 _CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 13))
@@ -160,8 +163,8 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
     """
     search = _Search(tuple(records), airframe, choices)
     search.shown()
-    if not search.measured and "T_motor" not in choices.known:
-        search.find_lag()
+    if not search.measured:
+        search.find_outputs()
     search.settle()
     ladder = []
     if choices.wind and "k_d" in search.names:
@@ -221,6 +224,8 @@ class _Search:
         self.measured = all(record.between == "lines" for record in records)
         self.names: list[str] = []
         self.motor_lag_shown = False
+        self.square = 1.0
+        """Share of the thrust curve that is a square of the output."""
         self.tied = False
         self.missing: dict[str, str] = {}
         self.values: dict[str, float] = dict(choices.known)
@@ -281,8 +286,6 @@ class _Search:
 
     def unseen(self, term: str) -> str:
         """Why flights cannot show a term; empty where they can."""
-        if term == "c_1":
-            return "speeds of the rotors were measured" if self.measured else ""
         fastest, climbs = self.speeds_m_s
         if fastest < _FAST_M_S:
             return f"airspeed reached {fastest:.2g} m/s of {_FAST_M_S:g}"
@@ -293,7 +296,7 @@ class _Search:
     def free(self) -> tuple[str, ...]:
         """Numbers that were fitted."""
         found = [name for name in self.names if not (name == "c_lambda" and self.tied)]
-        found += ["T_motor"] * self.motor_lag_shown
+        found += ["c_1"] * self.bent + ["T_motor"] * self.motor_lag_shown
         return tuple(name for name in found if name not in self.choices.known)
 
     # Columns, and their coefficients.
@@ -325,6 +328,8 @@ class _Search:
 
     def _held(self, name: str) -> float:
         known = self.choices.known
+        if name == "c_2" and any(term in known for term in CURVE_TERMS):
+            return full_thrust(known)
         return known.get(name, np.nan)
 
     def _solve(self, products: Products, names: Sequence[str], held: FloatArray) -> FloatArray:
@@ -391,6 +396,8 @@ class _Search:
     def _take(self, found: FloatArray) -> None:
         """Coefficients as values, and the inflow of hover that follows."""
         values = dict(zip(self.names, found.tolist(), strict=True))
+        if self.bent:
+            values |= {name: share * values["c_2"] for name, share in _curve(self.square).items()}
         self.values |= values | dict(self.choices.known)
         self.by_speed = np.full(len(self.records), hover_thrust(self.values, self.airframe).coefficient)
 
@@ -417,6 +424,7 @@ class _Search:
         if not self.windy:
             return stds
         found = np.array([self.values[name] for name in self.names])
+        found[self.names.index("c_2")] = full_thrust(self.values)
         for place, (part, columns) in enumerate(zip(self.rows(self.names), self._wind_columns(), strict=True)):
             left = part.measured - np.tensordot(found, part.columns, 1)
             _, variance = _wind(columns, left, part.sample_rate_hz)
@@ -426,22 +434,50 @@ class _Search:
             stds[place] = np.sqrt(variance)
         return stds
 
-    def find_lag(self) -> None:
-        """Lag of the motors that outputs need, where nobody knows it: the usual one, unless force shows another."""
-        names = self.names if "c_1" in self.names else [*self.names, "c_1"]  # a curve is no lag
-        self.values["T_motor"] = _MOTOR_LAG_S
-        usual = self._lost(names, _MOTOR_LAG_S)
-        found = _lowest(_MOTOR_LAGS_S, [self._lost(names, lag_s) for lag_s in _MOTOR_LAGS_S])
-        self.motor_lag_shown = self._lost(names, found) < (1.0 - self.choices.least_gain) ** 2 * usual
-        if self.motor_lag_shown:
-            self.values["T_motor"] = found
-        else:
+    def find_outputs(self) -> None:
+        """Lag of the motors and bend of their curve, which outputs need: the usual ones, unless force shows others."""
+        known, least = self.choices.known, (1.0 - self.choices.least_gain) ** 2
+        lags = _MOTOR_LAGS_S if "T_motor" not in known else (known["T_motor"],)
+        shapes = _SQUARES if not any(term in known for term in CURVE_TERMS) else ()
+        self.values["T_motor"] = _MOTOR_LAG_S if len(lags) > 1 else lags[0]
+        if not shapes:
+            self._find_lag(lags, least, {})
+            return
+        # Curve and lag trade: the lag is sought with every curve. A square stays unless another curve predicts better.
+        found = {square: self._find_lag(lags, least, _curve(square)) for square in _SQUARES}
+        unseen = {square: self._thirds_error({**_curve(square), "T_motor": found[square][1]}) for square in _SQUARES}
+        best = min(_SQUARES, key=lambda square: unseen[square])
+        self.square = best if unseen[best] < (1.0 - self.choices.least_gain) * unseen[1.0] else 1.0
+        _, self.values["T_motor"], self.motor_lag_shown = found[self.square]
+        if self.bent:
+            self.values |= _curve(self.square)
+        if len(lags) > 1 and not self.motor_lag_shown:
             self.missing["T_motor"] = "force is no worse with a usual lag"
 
-    def _lost(self, names: Sequence[str], lag_s: float) -> float:
-        """Sum of squares that columns leave at some lag."""
-        products = total([part.products(self.cutoff_hz) for part in self.rows(names, {"T_motor": lag_s})])
-        return float(left_over(products, self.solve(products, names)).sum())
+    def _find_lag(self, lags: Sequence[float], least: float, curve: Mapping[str, float]) -> tuple[float, float, bool]:
+        """Least sum of squares with a curve, the lag that leaves it, and whether force shows that lag."""
+        usual = self.values["T_motor"]
+        plain = self._lost({**curve, "T_motor": usual})
+        if len(lags) == 1:
+            return plain, usual, False
+        found = _lowest(lags, [self._lost({**curve, "T_motor": lag_s}) for lag_s in lags])
+        lost = self._lost({**curve, "T_motor": found})
+        return (lost, found, True) if lost < least * plain else (plain, usual, False)
+
+    @property
+    def bent(self) -> bool:
+        """Whether the thrust curve of outputs has a part that is no square."""
+        return self.square < 1.0
+
+    def _thirds_error(self, at: Mapping[str, float]) -> float:
+        """Error on thirds that were left out in turn at some lag and curve, N."""
+        wholes = [row.products(self.cutoff_hz) for row in self.rows(self.names, at)]
+        return self._unseen_error([part for whole in wholes for part in whole.thirds()], self.names)
+
+    def _lost(self, at: Mapping[str, float]) -> float:
+        """Sum of squares that the columns of every fit leave at some lag and curve."""
+        products = total([part.products(self.cutoff_hz) for part in self.rows(self.names, at)])
+        return float(left_over(products, self.solve(products, self.names)).sum())
 
     # Rungs of the ladder.
 
@@ -504,6 +540,11 @@ class _Search:
             for parts in self._parts(names)
         ]
         return max(errors, key=lambda pair: pair[1] / pair[0])
+
+
+def _curve(square: float) -> dict[str, float]:
+    """Shares of a curve that is so far a square of the output."""
+    return {"c_1": 1.0 - square, "c_2": square}
 
 
 def _lowest(grid: Sequence[float], losses: Sequence[float]) -> float:

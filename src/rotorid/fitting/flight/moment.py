@@ -41,12 +41,13 @@ from rotorid.models.flight import (
     Airframe,
     flight_columns,
     flight_loads,
+    full_thrust,
     hover_thrust,
     inflow_thrust,
     rotor_air,
     rotor_thrusts,
 )
-from rotorid.models.motors import CURVE_TERMS, SPIN_UP, Curve, motor_parameters
+from rotorid.models.motors import SPIN_UP, Curve, motor_parameters
 from rotorid.typing import FloatArray
 
 INERTIA: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
@@ -502,8 +503,7 @@ def _in_band(
             values |= {name: tilting.parameters[name].value for name in free}
     flat = {"I_zz": values["I_xx"] + values["I_yy"]} if {"I_xx", "I_yy"} <= values.keys() else {}
     by_speed = prepared(moved.speeds, flat | values)
-    curve: Curve = "polynomial" if any(force.get(name, 0.0) for name in ("c_0", "c_1")) else "quadratic"
-    yawing = _chain(by_speed, levers, ("r",), curve, mass | {name: force.get(name, 0.0) for name in CURVE_TERMS[curve]})
+    yawing = _chain(by_speed, levers, ("r",), "quadratic", mass | {"c_2": full_thrust(force)})
     chains = tuple(chain for chain in (tilting, yawing) if chain is not None)
     found: dict[str, float] = {}
     stds: dict[str, float] = {}

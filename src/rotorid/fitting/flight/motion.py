@@ -19,6 +19,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.frames import body_to_earth, earth_to_body
+from rotorid.models.flight import lagging_together, speeds_of_outputs
 from rotorid.signal.kinematics import derivative
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -38,7 +39,7 @@ class Motion(NamedTuple):
     Parameters
     ----------
     speeds
-        Of the rotors, lags and skew taken in, rad/s or outputs, shape ``(rotors, n)``.
+        Of the rotors, lags, curve and skew taken in, rad/s or shares of the full speed, shape ``(rotors, n)``.
     velocity
         Through the air, body axes, m/s, shape ``(3, n)``; zero where it is not known.
     rates, acceleration
@@ -73,10 +74,10 @@ def ground_velocity(record: MotorRecord, kind: VelocityClass) -> FloatArray:
         return np.zeros((3, record.samples))
     if kind == "measured":
         if not record.velocity.shape[1]:
-            raise UsageError(f"{record.name} has no velocity", needed="one in body axes")
+            raise UsageError(f"{record.name} holds no velocity", needed="one in body axes")
         return record.velocity
     if not record.attitude.shape[1]:
-        raise UsageError(f"{record.name} has no attitude", needed="roll, pitch and heading")
+        raise UsageError(f"{record.name} holds no attitude", needed="roll, pitch and heading")
     from scipy.signal import lfilter
 
     moved = body_to_earth(record.attitude, record.force)
@@ -97,23 +98,26 @@ def wind_in_body(record: MotorRecord, wind: FloatArray) -> FloatArray:
 
 
 def rotor_speeds(record: MotorRecord, values: Mapping[str, float] | None = None, *, skew_s: float = 0.0) -> FloatArray:
-    """Speeds of the rotors: measured ones, or outputs with the lag of the motors, by the voltage.
+    """Speeds of the rotors: measured ones, or shares of the full speed by the outputs, their lag, curve and voltage.
 
     Parameters
     ----------
     record
         With speeds (``lines``) or outputs (``held``).
     values
-        For ``T_motor``, which outputs need.
+        For ``T_motor`` and the curve, which outputs need, and ``T_thrust``.
     skew_s
         How much earlier the stamps of the motors are than those of the gyros.
     """
+    values = values or {}
     step = 1.0 / record.sample_rate_hz
     if record.between == "lines":
-        return measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
-    lag_s = max((values or {}).get("T_motor", 0.0), _NO_LAG_S)
-    lagged = motor_speed(record.outputs, lag_s=lag_s, delay_s=skew_s, step_s=step).level
-    return np.asarray(lagged * np.sqrt(record.strength), dtype=np.float64)
+        speeds = measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
+    else:
+        lag_s = max(values.get("T_motor", 0.0), _NO_LAG_S)
+        lagged = motor_speed(record.outputs, lag_s=lag_s, delay_s=skew_s, step_s=step).level
+        speeds = speeds_of_outputs(values, lagged) * np.sqrt(record.strength)
+    return lagging_together(speeds, values.get("T_thrust", 0.0), record.sample_rate_hz)
 
 
 def motion(
@@ -131,7 +135,7 @@ def motion(
     record
         What was flown.
     values
-        Numbers of the model; lags count.
+        Numbers of the model; lags and the curve of outputs count.
     kind
         Of the velocity; by default the best that the record allows.
     wind
