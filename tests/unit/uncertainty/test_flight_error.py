@@ -8,28 +8,29 @@ import numpy as np
 import pytest
 from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 
-from rotorid.fitting.flight.fit import FlightChoices, fit_flight
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
 
 CHOICES = FlightChoices(values={"I_zz": TRUTH["I_zz"], "T_thrust": 0.0}, wind=False, terms=("m_f",), cutoff_hz=90.0)
 
 
 @pytest.fixture(scope="module")
-def flights():
+def flights() -> list[MotorRecord]:
     return [made_up_flight(seed, gusts_nm=0.003, seconds=14.0) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
-def one(flights):
+def one(flights: list[MotorRecord]) -> FlightFit:
     return with_errors(fit_flight(flights[:1], FRAME, CHOICES), flights[:1], CHOICES)
 
 
 @pytest.fixture(scope="module")
-def two(flights):
+def two(flights: list[MotorRecord]) -> FlightFit:
     return with_errors(fit_flight(flights, FRAME, CHOICES), flights, CHOICES)
 
 
-def test_intervals_hold_the_truth(one, two) -> None:
+def test_intervals_hold_the_truth(one: FlightFit, two: FlightFit) -> None:
     for fit in (one, two):
         assert set(fit.errors.names) == set(fit.free) & fit.values.keys()
         missed = [
@@ -40,28 +41,28 @@ def test_intervals_hold_the_truth(one, two) -> None:
         assert not missed
 
 
-def test_a_single_flight_has_the_usual_scatter_and_says_so(one) -> None:
+def test_a_single_flight_has_the_usual_scatter_and_says_so(one: FlightFit) -> None:
     assert one.errors.how == "assumed"
     for name in ("k_d", "I_xx", "m_f"):
         assert one.errors.std(name) > usual_scatter(name, one.values[name])
     assert one.errors.std("k_d") < 0.05 * one.values["k_d"]
 
 
-def test_flights_that_agree_say_how_much_they_scatter(one, two) -> None:
+def test_flights_that_agree_say_how_much_they_scatter(one: FlightFit, two: FlightFit) -> None:
     assert two.errors.how == "flights"
     assert two.errors.std("I_xx") < one.errors.std("I_xx")
 
 
-def test_random_errors_are_a_part(two) -> None:
+def test_random_errors_are_a_part(two: FlightFit) -> None:
     assert np.all(two.errors.random.diagonal() < two.errors.covariance.diagonal())
     size = np.sqrt(two.errors.covariance.diagonal())
     assert np.all(np.linalg.eigvalsh(two.errors.covariance / np.outer(size, size)) > 0.0)
 
 
-def test_another_flight_lies_farther_off_than_the_vehicle(two) -> None:
+def test_another_flight_lies_farther_off_than_the_vehicle(two: FlightFit) -> None:
     assert two.errors.std_of_another("I_xx") > 1.5 * two.errors.std("I_xx")
 
 
-def test_stretches_of_one_log_are_one_flight(flights) -> None:
+def test_stretches_of_one_log_are_one_flight(flights: list[MotorRecord]) -> None:
     stretches = [replace(record, name="log") for record in flights]
     assert flights_alone(fit_flight(stretches, FRAME, CHOICES), stretches, CHOICES) == ()

@@ -74,10 +74,10 @@ def ground_velocity(record: MotorRecord, kind: VelocityClass) -> FloatArray:
         return np.zeros((3, record.samples))
     if kind == "measured":
         if not record.velocity.shape[1]:
-            raise UsageError(f"{record.name} holds no velocity", needed="one in body axes")
+            raise UsageError(f"{record.name} has no velocity", needed="one in body axes")
         return record.velocity
     if not record.attitude.shape[1]:
-        raise UsageError(f"{record.name} holds no attitude", needed="roll, pitch and heading")
+        raise UsageError(f"{record.name} has no attitude", needed="roll, pitch and heading")
     from scipy.signal import lfilter
 
     moved = body_to_earth(record.attitude, record.force)

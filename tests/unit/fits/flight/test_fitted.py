@@ -16,9 +16,9 @@ from rotorid.fits.flight.fitted import (
     bounds_of_covariance,
     drag_points,
     fit_percents,
-    flight_units,
     force_scores,
 )
+from rotorid.fits.flight.hover import flight_units
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.models.flight import FLIGHT_PARAMETERS, hover_thrust
 from rotorid.models.parameter import is_parameter_unit

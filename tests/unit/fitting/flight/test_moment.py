@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 
-from rotorid.fitting.flight.moment import MomentChoices, fit_moments, moment_error
+from rotorid.data.record import MotorRecord
+from rotorid.fitting.flight.moment import MomentChoices, MomentFit, fit_moments, moment_error
 from rotorid.fitting.flight.motion import motion
 from rotorid.models.flight import FORCE_TERMS
 
@@ -16,51 +17,51 @@ FORCE = {name: value for name, value in TRUTH.items() if name in FORCE_TERMS}
 
 
 @pytest.fixture(scope="module")
-def flights():
+def flights() -> list[MotorRecord]:
     return [made_up_flight(seed, gusts_nm=0.003) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")
-def fitted(flights):
+def fitted(flights: list[MotorRecord]) -> MomentFit:
     choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]}, predictor=True)
     return fit_moments(flights, FRAME, [motion(record) for record in flights], FORCE, choices)
 
 
-def test_inertia_and_hub_moment_come_back(fitted) -> None:
+def test_inertia_and_hub_moment_come_back(fitted: MomentFit) -> None:
     for name in ("I_xx", "I_yy", "kappa", "m_f"):
         assert fitted.values[name] == pytest.approx(TRUTH[name], rel=0.05), name
     assert fitted.values["J_r"] == pytest.approx(TRUTH["J_r"], rel=0.35)
     assert abs(fitted.delay_s) < 0.002
 
 
-def test_the_ladder_lets_in_what_was_flown_alone(fitted) -> None:
+def test_the_ladder_lets_in_what_was_flown_alone(fitted: MomentFit) -> None:
     assert fitted.entered == ("m_f",)
     assert fitted.ladder[0].entered
     assert fitted.ladder[0].after < 0.5 * fitted.ladder[0].before
 
 
-def test_what_is_left_are_the_gusts(fitted) -> None:
+def test_what_is_left_are_the_gusts(fitted: MomentFit) -> None:
     assert np.all(fitted.axes_nm < 0.0045)
     assert np.all(fitted.rms_nm < 1.6 * 0.003 * np.sqrt(3.0))
 
 
-def test_an_unseen_flight_is_predicted(fitted) -> None:
+def test_an_unseen_flight_is_predicted(fitted: MomentFit) -> None:
     unseen = made_up_flight(7, gusts_nm=0.003)
     left = moment_error(FORCE | fitted.values, FRAME, unseen, motion(unseen), delay_s=fitted.delay_s)
     assert np.sqrt(np.mean(np.sum(left**2, axis=0))) < 0.008
 
 
-def test_octaves_say_where_inertia_comes_from(fitted) -> None:
+def test_octaves_say_where_inertia_comes_from(fitted: MomentFit) -> None:
     assert {octave.axis for octave in fitted.octaves if octave.kept} == {"p", "q", "r"}
     assert all(octave.correlation > 0.8 for octave in fitted.octaves if octave.kept and octave.axis != "r")
 
 
-def test_the_predictor_is_kept_apart(fitted) -> None:
+def test_the_predictor_is_kept_apart(fitted: MomentFit) -> None:
     assert {"gain_p", "gain_q", "gain_r"} <= fitted.predictor.keys()
     assert not {"I_xx", "I_yy", "I_zz"} & fitted.predictor.keys()
 
 
-def test_known_inertia_is_held(flights) -> None:
+def test_known_inertia_is_held(flights: list[MotorRecord]) -> None:
     known = {"I_xx": 3.0e-3, "I_zz": TRUTH["I_zz"]}
     fit = fit_moments(flights[:1], FRAME, [motion(flights[0])], FORCE, MomentChoices(known=known))
     assert fit.values["I_xx"] == 3.0e-3
@@ -68,14 +69,14 @@ def test_known_inertia_is_held(flights) -> None:
     assert "I_yy" in fit.free
 
 
-def test_without_inertia_of_yaw_that_of_a_flat_vehicle_is_assumed(flights) -> None:
+def test_without_inertia_of_yaw_that_of_a_flat_vehicle_is_assumed(flights: list[MotorRecord]) -> None:
     fit = fit_moments(flights[:1], FRAME, [motion(flights[0])], FORCE)
     assert fit.assumed == ("I_zz",)
     assert fit.values["I_zz"] == pytest.approx(fit.values["I_xx"] + fit.values["I_yy"])
     assert fit.values["kappa"] / fit.values["I_zz"] == pytest.approx(TRUTH["kappa"] / TRUTH["I_zz"], rel=0.15)
 
 
-def test_a_flight_that_shows_no_torque_has_no_inertia(flights) -> None:
+def test_a_flight_that_shows_no_torque_has_no_inertia(flights: list[MotorRecord]) -> None:
     rng = np.random.default_rng(5)
     still = replace(flights[0], rates=0.1 * rng.normal(size=flights[0].rates.shape))
     fit = fit_moments([still], FRAME, [motion(still)], FORCE)
