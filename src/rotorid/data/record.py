@@ -9,7 +9,7 @@ which an axis was excited; it holds no data. A :class:`TimeHistory` is channels 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -267,12 +267,15 @@ class Topic(Immutable):
         What the rows of ``values`` are.
     values
         Shape ``(channels, samples)``, SI units, FRD/NED.
+    of_table
+        Whether it is part of a table, whose name is that of its stamps, so that people know columns alone.
     """
 
     name: str
     time_s: FloatArray
     channels: tuple[Channel, ...]
     values: FloatArray
+    of_table: bool = False
 
     def __post_init__(self) -> None:
         time_s = read_only(self.time_s, np.float64, ndim=1)
@@ -288,10 +291,32 @@ class Topic(Immutable):
         """Row of the channel ``name``, or ``None``."""
         return next((index for index, channel in enumerate(self.channels) if channel.name == name), None)
 
+    def place(self, row: int) -> str:
+        """Where a row comes from, in words: the topic, or the column of a table."""
+        return (self.of_table and self.channels[row].source) or self.name
+
     @cached_property
     def sample_rate_hz(self) -> float:
         """Median rate of the stamps; zero for fewer than two samples."""
         return _median_rate_hz(self.time_s)
+
+
+def places(sources: Iterable[tuple[Topic, int]]) -> str:
+    """Where rows of topics come from, each place once; of many columns of a table the first and the last.
+
+    Examples
+    --------
+    >>> speeds = [Channel(name=f"motor_speed_{n}", unit="rad/s", source=f"rpm_{n}") for n in range(1, 5)]
+    >>> table = Topic(name="t", time_s=[0.0], channels=tuple(speeds), values=np.zeros((4, 1)), of_table=True)
+    >>> places([(table, row) for row in range(4)]), places([(table, 0)])
+    ('rpm_1 to rpm_4', 'rpm_1')
+    """
+    found: dict[int, list[str]] = {}
+    for topic, row in sources:
+        found.setdefault(id(topic), []).append(topic.place(row))
+    names = (list(dict.fromkeys(of_topic)) for of_topic in found.values())
+    parts = (part for own in names for part in (own if len(own) < 4 else [f"{own[0]} to {own[-1]}"]))
+    return ", ".join(dict.fromkeys(parts))
 
 
 def silences(topics: Sequence[Topic], longer_than_s: float) -> Intervals:

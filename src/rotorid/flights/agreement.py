@@ -96,10 +96,10 @@ def _gyros(record: FlightRecord, flights: Intervals) -> Iterator[Finding]:
     clock = np.arange(start_s, stop_s, 1.0 / _GRID_HZ)
     for name in RATES:
         sources = [(topic, row) for topic, row in record.holding(name) if topic.sample_rate_hz >= _GRID_HZ]
-        rows = [(topic, _mean_at(topic, row, clock, _SMOOTHED_S)) for topic, row in sources]
-        known = [(topic, row - row.mean()) for topic, row in rows if row is not None]
-        for topic, other in known[1:]:
-            first = known[0][1]
+        rows = [(topic.place(row), _mean_at(topic, row, clock, _SMOOTHED_S)) for topic, row in sources]
+        known = [(place, row - row.mean()) for place, row in rows if row is not None]
+        for place, other in known[1:]:
+            chosen, first = known[0]
             if min(float(np.std(first)), float(np.std(other))) < _TURNING_RAD_S:
                 continue
             correlation = float(np.corrcoef(first, other)[0, 1])
@@ -108,8 +108,8 @@ def _gyros(record: FlightRecord, flights: Intervals) -> Iterator[Finding]:
                 yield warn(
                     "channels_disagree",
                     name,
-                    f"{name} of {topic.name} is {scale:.2f} times that of {known[0][0].name} (correlation "
-                    f"{correlation:.2f}): one of the two gyros is wrong. Results are those of {known[0][0].name}.",
+                    f"{name} of {place} is {scale:.2f} times that of {chosen} (correlation "
+                    f"{correlation:.2f}): one of the two gyros is wrong. Results are those of {chosen}.",
                     scale=scale,
                     correlation=correlation,
                 )

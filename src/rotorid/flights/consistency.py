@@ -283,8 +283,8 @@ def _same_channels(record: FlightRecord, stretch: Stretch) -> Iterator[ChannelSk
             (low, high), (least, most) = (filter_lag(record, t, t.channels[row]) for t, row in (sources[0], other))
             yield ChannelSkew(
                 channel=name,
-                reference=sources[0][0].name,
-                delayed=other[0].name,
+                reference=sources[0][0].place(sources[0][1]),
+                delayed=other[0].place(other[1]),
                 nature="same_channel",
                 skew=skew,
                 sample_s=1.0 / rate_hz,

@@ -24,7 +24,7 @@ from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
+from rotorid.data.record import FlightRecord, Maneuver, MotorRecord, places
 from rotorid.errors import InsufficientDataError, ModelError, nearest_name
 from rotorid.fitting.flight.motion import VELOCITY_CLASSES, VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
@@ -137,8 +137,7 @@ class FlightMotion(NamedTuple):
         if self.velocity == "measured":
             flight = self.flights[0]
             names = velocity_channels(flight.record, flight.maneuver)
-            topics = (next(flight.record.holding(name))[0].name for name in names if name not in ATTITUDE)
-            found["velocity"] = ", ".join(dict.fromkeys(topics))
+            found["velocity"] = places(next(flight.record.holding(name)) for name in names if name not in ATTITUDE)
         return found
 
 

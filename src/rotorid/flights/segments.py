@@ -19,7 +19,7 @@ import numpy as np
 
 from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
+from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError, unknown_name
 from rotorid.fitting.time.output_error import TimeData
 from rotorid.flights.flights import Flight, overlap
@@ -670,7 +670,7 @@ def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[
         return record
     time_s = topic.time_s.copy()
     time_s[inside] = even
-    stamped = Topic(name=topic.name, time_s=time_s, channels=topic.channels, values=topic.values)
+    stamped = replace(topic, time_s=time_s)
     return replace(record, topics=tuple(stamped if item is topic else item for item in record.topics))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from rotorid.autopilots.advice import channel_advice
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places
 from rotorid.errors import InsufficientDataError
 from rotorid.typing import FloatArray
 
@@ -208,12 +208,11 @@ def _trimmed(
     missing = max(low - start_s, 0.0) + max(stop_s - high, 0.0)
     if missing <= _COVERED_S:
         return []
-    places = ", ".join(dict.fromkeys(topic.name for topic, _ in sources.values()))
     return [
         warn(
             "segment_trimmed",
             f"{start_s:.1f} to {stop_s:.1f} s",
-            f"Of {start_s:.2f} to {stop_s:.2f} s, {places} together hold {low:.2f} to {high:.2f} s.",
+            f"Of {start_s:.2f} to {stop_s:.2f} s, {places(sources.values())} together hold {low:.2f} to {high:.2f} s.",
             start_s=low,
             stop_s=high,
         )

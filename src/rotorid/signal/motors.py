@@ -30,7 +30,7 @@ from rotorid.autopilots.registry import autopilot_of
 from rotorid.autopilots.thrust import Linearization
 from rotorid.data.base import Immutable, cached_by_value, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic, places
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.limits import MotorLimits, Range, limits_of
 from rotorid.typing import FloatArray
@@ -277,14 +277,14 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
     InsufficientDataError
         A channel is missing, or they do not last together.
     """
-    series: dict[str, tuple[FloatArray, FloatArray, str]] = {}
+    series: dict[str, tuple[FloatArray, FloatArray, tuple[Topic, int]]] = {}
     for name in names:
         source = next(record.holding(name), None)
         if source is not None:
             topic, row = source
             kept = np.isfinite(topic.values[row]) & np.isfinite(topic.time_s)
             stamps, first = np.unique(topic.time_s[kept], return_index=True)
-            series[name] = stamps, topic.values[row][kept][first], topic.name
+            series[name] = stamps, topic.values[row][kept][first], source
     missing = [name for name in names if name not in series or series[name][0].size < 2]
     clock = series[names[0]][0] if not missing else np.empty(0)
     if not missing:
@@ -296,7 +296,7 @@ def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatA
         finding = refusal("missing_channel", names[0], message)
         raise InsufficientDataError(message, needed=", ".join(names), findings=[finding])
     rows = [np.interp(clock, series[name][0], series[name][1]) for name in names]
-    return clock, np.stack(rows), ", ".join(dict.fromkeys(source for _, _, source in series.values()))
+    return clock, np.stack(rows), places(source for _, _, source in series.values())
 
 
 def with_remarks(record: FlightRecord, history: MotorHistory) -> MotorHistory:

@@ -173,7 +173,8 @@ def _topic(
         if own.along_world and own.name in _FIRST:
             rows = slice(place, place + 3)
             values[rows] = earth_to_body(np.stack(angles), values[rows])
-    return Topic(name=time.source if time else _COMMON_CLOCK, time_s=time_s, channels=tuple(meta), values=values)
+    name = time.source if time else _COMMON_CLOCK
+    return Topic(name=name, time_s=time_s, channels=tuple(meta), values=values, of_table=True)
 
 
 def _angles(attitude: MappedAttitude, arrays: Mapping[str, FloatArray], file: str) -> list[FloatArray]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import FlightRecord, places
 from rotorid.errors import LogError, UsageError
 from rotorid.io.registry import read
 from rotorid.io.tables.mapping import parse_mapping
@@ -121,6 +121,14 @@ def test_a_quaternion_may_have_a_clock_of_its_own(tmp_path: Path) -> None:
     still = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
     record = through(tmp_path, text, g=np.zeros(7), m=still, t=np.array([3.0, 4.0]))
     assert [(topic.name, topic.values.shape) for topic in record.topics] == [("clock", (1, 7)), ("t", (3, 2))]
+
+
+def test_people_know_a_table_by_its_columns(tmp_path: Path) -> None:
+    motors = "".join(f'[channels.motor_{n}]\nsource = "m{n}"\n' for n in range(1, 5))
+    text = f'{CLOCK}[channels.u]\nsource = "vx"\n[channels.v]\nsource = "vy"\n{motors}'
+    record = through(tmp_path, text, **{name: np.zeros(7) for name in ("vx", "vy", "m1", "m2", "m3", "m4")})
+    assert places(next(record.holding(f"motor_{n}")) for n in range(1, 5)) == "m1 to m4"
+    assert places(next(record.holding(name)) for name in ("u", "v")) == "vx, vy"
 
 
 def test_a_quaternion_that_is_none_is_refused(tmp_path: Path) -> None:
