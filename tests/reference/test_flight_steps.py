@@ -18,7 +18,7 @@ import pytest
 import rotorid
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightChoices, fit_flight
-from rotorid.fitting.flight.moment import AIR_TERMS, GAINS
+from rotorid.fitting.flight.moment import AIR_TERMS, GAINS, center_of
 from rotorid.fitting.flight.motion import motion
 from rotorid.flights.motor_stamps import motor_skew
 from rotorid.frames import earth_to_body
@@ -111,6 +111,8 @@ def unseen(runs: dict[str, tuple[MotorRecord, float]]) -> dict[str, StepErrors]:
         states = measured_states(record.attitude, record.velocity, record.rates, step_s=STEP_S)
         numbers = {"vehicle": fit.values, "predictor": _of_predictor(fit.values, fit.predictor)}
         for kind, values in numbers.items():
+            # Of each run its own, as wind and skew are: the battery is put in anew.
+            values = values | center_of(values, FRAME, record, driven)
             found[kind].append(step_errors(values, FRAME, states, driven.speeds, step_s=STEP_S, steps=STEPS))
     return {kind: pooled(parts) for kind, parts in found.items()}
 

@@ -145,6 +145,7 @@ def flight_scores(judged: FlightJudgement) -> FlightScores:
         ahead=_steps(judged.ahead) if judged.ahead else None,
         wind_m_s=judged.wind,
         skew_s=judged.skew_s,
+        center_m=dict(judged.center),
     )
 
 

@@ -1,10 +1,10 @@
 """The physics of flight on logs that it was not identified on.
 
 Motors, rates and the velocity through the air of each moment go in; force and moment come out, and are compared with
-accelerometer and gyro in N and N m, per axis. Nothing of the vehicle is adjusted: of each log, the wind and the skew
-between the clocks of motors and gyro are found, as in a fit. From states of the log, the motors alone then fly the
-vehicle over half a second; position, velocity, attitude and rates are compared with the log, and with a state that is
-kept.
+accelerometer and gyro in N and N m, per axis. Nothing of the vehicle is adjusted but where its battery sits: of each
+log, the wind, the skew between the clocks of motors and gyro, and the center of gravity are found. From states of the
+log, the motors alone then fly the vehicle over half a second; position, velocity, attitude and rates are compared with
+the log, and with a state that is kept.
 
 ``simulate`` flies whole logs so, begun anew every half second. Where a flight leaves the range of those that were
 fitted (airspeed, climb, load factor, rotor speed), a finding says for how long.
@@ -35,8 +35,9 @@ from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.fitting.flight.ladder import wind_of
+from rotorid.fitting.flight.moment import center_of
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds
-from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, excitations, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorFlight, rotors_of
@@ -89,13 +90,14 @@ _MOVED_M_S2 = 0.5
 
 
 class _Stretch(NamedTuple):
-    """A stretch with what was found of it: motion that drives the model, loads, and wind."""
+    """A stretch with what was found of it: motion that drives the model, loads, wind, stamps, center of gravity."""
 
     flight: MotorFlight
     driven: Motion
     loads: FlightLoads
     wind: FloatArray | None
     skew_s: float
+    center: Mapping[str, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,8 +239,9 @@ class FlightPredictor(Immutable):
         if self.windy and kind == "measured" and flight.record.attitude.size:
             wind = wind_of(values, self.airframe, flight.record, kind=kind, cutoff_hz=self.cutoff_hz, skew_s=skew_s)
         driven = motion(flight.record, values, kind=kind, wind=wind, skew_s=skew_s)
-        loads = flight_loads_of(values, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
-        return _Stretch(flight, driven, loads, wind, skew_s)
+        center = center_of(values, self.airframe, flight.record, driven)
+        loads = flight_loads_of(values | center, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
+        return _Stretch(flight, driven, loads, wind, skew_s, center)
 
     def _velocity(self, record: MotorRecord) -> VelocityClass:
         """How the velocity of a log is had: as in the fit, or as well as this log allows."""
@@ -255,8 +258,11 @@ class FlightPredictor(Immutable):
         record = stretch.flight.record
         rows = {**self._forces(stretch), **self._accelerations(stretch)}
         outside_percent, outside = self._outside(stretch)
+        turning = self._turning(record)
         moved = tuple(
-            name for name, (measured, _) in rows.items() if name not in ACCELERATIONS or measured.std() >= _MOVED_M_S2
+            name
+            for name, (measured, _) in rows.items()
+            if (measured.std() >= _MOVED_M_S2 if name in ACCELERATIONS else name in turning)
         )
         return Verification(
             record=record.name,
@@ -277,8 +283,15 @@ class FlightPredictor(Immutable):
                 ahead=self._ahead(stretch),
                 wind=None if stretch.wind is None else (float(stretch.wind[0]), float(stretch.wind[1])),
                 skew_s=stretch.skew_s,
+                center=dict(stretch.center),
             ),
         )
+
+    def _turning(self, record: MotorRecord) -> set[str]:
+        """Angular accelerations that motors make in this flight, rightly or not: the others judge no vehicle."""
+        x, y, _ = self.airframe.positions.T
+        (found,) = excitations([record], np.stack([-y, x, self.airframe.spins]), spin_up=True)
+        return {f"{axis}_dot" for axis, one in found.items() if max(one.correlation, -one.opposed) >= LEAST_CORRELATION}
 
     def _forces(self, stretch: _Stretch) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Slow specific force along each axis, measured and modeled."""
@@ -310,7 +323,7 @@ class FlightPredictor(Immutable):
         states, speeds = slower(_states(stretch), stretch.driven.speeds, step_s=step_s, least_s=_AHEAD_STEP_S)
         step_s *= stride(step_s, _AHEAD_STEP_S)
         return step_errors(
-            self.parameters.values,
+            self.parameters.values | stretch.center,
             self.airframe,
             states,
             speeds,
@@ -340,7 +353,7 @@ class FlightPredictor(Immutable):
             turning = rotor_speeds(record, known, skew_s=stretch.skew_s)
             _, speeds = slower(logged, turning, step_s=step_s, least_s=_FLY_STEP_S)
             flown = pieces(
-                known,
+                known | stretch.center,
                 self.airframe,
                 states,
                 speeds,

@@ -183,7 +183,8 @@ class FlightScores:
     ``force_rms_n`` and ``moment_rms_nm`` are root mean squares of the length of the error vector, over the ``axes``
     (``x``, ``y``, ``z``) that the model has. ``outside_percent`` is the share of the time outside of the identified
     range, ``outside`` that of each range (``airspeed``, ``climb``, ``load``, ``motors``). ``wind_m_s`` blows toward
-    north and east, and motors were stamped ``skew_s`` early, as found in this flight.
+    north and east, motors were stamped ``skew_s`` early, and the center of gravity was at ``center_m`` (``x_cg``,
+    ``y_cg``), as found in this flight.
     """
 
     force_rms_n: float | None
@@ -194,6 +195,7 @@ class FlightScores:
     ahead: StepsAhead | None = None
     wind_m_s: tuple[float, float] | None = None
     skew_s: float | None = None
+    center_m: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -240,6 +240,8 @@ class FlightJudgement(Immutable):
         Toward north and east, m/s, found in this flight.
     skew_s
         How much earlier the stamps of the motors were than those of the gyro; taken out.
+    center
+        ``x_cg`` and ``y_cg`` of this flight, m; taken out.
     """
 
     samples: int
@@ -249,12 +251,13 @@ class FlightJudgement(Immutable):
     ahead: StepErrors | None = None
     wind: tuple[float, float] | None = None
     skew_s: float | None = None
+    center: Mapping[str, float] = field(default_factory=dict)
 
 
 def together(judged: Sequence[FlightJudgement]) -> FlightJudgement:
     """Several stretches as one: means of squares and of times by their samples, steps by their starts.
 
-    Wind and skew are those of a stretch, so that only a single one keeps them.
+    Wind, skew and center of gravity are those of a stretch, so that only a single one keeps them.
     """
     if len(judged) == 1:
         return judged[0]

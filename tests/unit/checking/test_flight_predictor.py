@@ -81,6 +81,35 @@ def test_motors_alone_predict_half_a_second(flown: FlightTwin) -> None:
     assert scores.ahead.errors["rates"][-1].horizon_s == pytest.approx(0.5, abs=0.01)
 
 
+def test_the_center_of_gravity_is_that_of_the_flight(flown: FlightTwin) -> None:
+    """Another battery place than in the fit, by 5 mm: found, and then nothing else of the prediction changes."""
+    (same,) = predictor(flown).predict([flown.record], VerifySettings()).found.maneuvers
+    (moved,) = (
+        predictor(flown, {"x_cg": 0.005, "y_cg": -0.003}).predict([flown.record], VerifySettings()).found.maneuvers
+    )
+    assert same.flight is not None
+    assert moved.flight is not None
+    assert np.abs(list(same.flight.center.values())).max() < 0.001
+    assert dict(moved.flight.center) == pytest.approx(dict(same.flight.center), abs=2e-4)
+    assert moved.flight.errors.moment_rms_nm == pytest.approx(same.flight.errors.moment_rms_nm, rel=0.01)
+    assert flight_scores(moved.flight).center_m == dict(moved.flight.center)
+
+
+def test_an_axis_that_the_motors_do_not_turn_judges_no_vehicle(flown: FlightTwin) -> None:
+    vehicle = replace(predictor(flown), bands_hz={"p": (2.0, 8.0), "q": (2.0, 8.0), "r": (2.0, 8.0)})
+    (topic,) = flown.record.topics
+    names = [channel.name for channel in topic.channels]
+    values = topic.values.copy()
+    noise = np.random.default_rng(2).standard_normal(values.shape[1])
+    values[names.index("r")] = 0.01 * noise
+    (check,) = vehicle.predict(
+        [replace(flown.record, topics=(replace(topic, values=values),))], VerifySettings()
+    ).found.maneuvers
+    assert "r_dot" in check.output_names
+    assert "r_dot" not in check.moved
+    assert {"p_dot", "q_dot"} <= set(check.moved)
+
+
 def test_a_vehicle_without_drag_is_off_by_it(flown: FlightTwin) -> None:
     (whole,) = predictor(flown).predict([flown.record], VerifySettings()).found.maneuvers
     (check,) = predictor(flown, {"k_d": 0.0}).predict([flown.record], VerifySettings()).found.maneuvers
