@@ -91,7 +91,7 @@ def _of_predictor(values: Mapping[str, float], predictor: Mapping[str, float]) -
     """Numbers that make the motion of the predictor: a share of a moment is a larger inertia."""
     gains = [predictor[name] for name in GAINS]
     tilting = float(np.sqrt(gains[0] * gains[1]))
-    shares = {"x_cg": gains[1], "y_cg": gains[0], "kappa_lambda": gains[2], "k_r": gains[2]}
+    shares = {"m_fx": gains[1], "x_cg": gains[1], "y_cg": gains[0], "kappa_lambda": gains[2], "k_r": gains[2]}
     bare = {name: value for name, value in values.items() if name not in AIR_TERMS}
     air = {name: value / shares.get(name, tilting) for name, value in predictor.items() if name in AIR_TERMS}
     heavy = zip(("I_xx", "I_yy", "I_zz"), gains, strict=True)

@@ -100,6 +100,7 @@ class FlowTable(Document):
     wake_n_s2_m3: float = 0.0
     climb_drag_n_s2_m2: float = 0.0
     flapping_n_s: float = 0.0
+    forward_flapping_n_s: float = 0.0
     side_flapping_n_s: float = 0.0
     inflow_torque_n_s2_m: float = 0.0
     yaw_damping_n_m_s: float = 0.0

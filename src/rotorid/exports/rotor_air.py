@@ -39,10 +39,10 @@ def rotor_air(air: dict[str, np.ndarray], x: np.ndarray, velocity: np.ndarray, r
     lift = lift + air["c_wake"] * (hubs[:, :2] * across).sum(axis=1) * climb
     push = np.column_stack([-(air["k_d"] * share + air["k_w"] * climb)[:, None] * across, lift])
     moment = np.cross(hubs, push).sum(axis=0)
-    tilting = air["m_f"] * share * induced / (np.abs(inflow) + np.hypot(edge, inflow) + 1e-6)
+    tilting = share * induced / (np.abs(inflow) + np.hypot(edge, inflow) + 1e-6)
     rolling = air["m_s"] * air["spins"] * share
-    moment[0] += (tilting * local[:, 1] + rolling * local[:, 0]).sum()
-    moment[1] += (-tilting * local[:, 0] + rolling * local[:, 1]).sum()
+    moment[0] += (air["m_f"] * tilting * local[:, 1] + rolling * local[:, 0]).sum()
+    moment[1] += (-(air["m_f"] + air["m_fx"]) * tilting * local[:, 0] + rolling * local[:, 1]).sum()
     moment[2] -= (air["kappa_lambda"] * air["spins"] * (inflow**2 - hover**2)).sum()
     moment[2] -= (air["k_r"] * share).sum() * rates[2]
     force = push.sum(axis=0)
@@ -63,6 +63,7 @@ def air_numbers(body: Multirotor) -> dict[str, FloatArray]:
         "k_d": plain.induced_drag,
         "k_w": plain.climb_drag,
         "m_f": plain.flapping,
+        "m_fx": plain.forward_flapping,
         "m_s": body.rotors.flow.side_flapping_n_s if body.rotors.flow is not None else 0.0,
         "kappa_lambda": plain.inflow_torque,
         "k_r": plain.yaw_damping,

@@ -40,6 +40,7 @@ AIR_UNITS: Mapping[str, str] = MappingProxyType(
         "c_wake": "N s^2/m^3",
         "d_z": "N s^2/m^2",
         "m_f": "N s",
+        "m_fx": "N s",
         "m_s": "N s",
         "kappa_lambda": "N s^2/m",
         "k_r": "N m s",
@@ -50,7 +51,7 @@ AIR_UNITS: Mapping[str, str] = MappingProxyType(
 PLACE = ("x_imu", "y_imu", "z_imu")
 """Where the accelerometer is, from the center of gravity, in meters."""
 
-_PER_SPEED = ("c_lambda", "k_d", "c_h", "m_f", "m_s", "k_r", "J_r")
+_PER_SPEED = ("c_lambda", "k_d", "c_h", "m_f", "m_fx", "m_s", "k_r", "J_r")
 """What is by the speed of a rotor."""
 
 _FLOW: Mapping[str, str] = MappingProxyType(
@@ -61,6 +62,7 @@ _FLOW: Mapping[str, str] = MappingProxyType(
         "wake_n_s2_m3": "c_wake",
         "climb_drag_n_s2_m2": "k_w",
         "flapping_n_s": "m_f",
+        "forward_flapping_n_s": "m_fx",
         "side_flapping_n_s": "m_s",
         "inflow_torque_n_s2_m": "kappa_lambda",
         "yaw_damping_n_m_s": "k_r",

@@ -979,10 +979,10 @@ _CAUSES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "X_u": ("k_d",),
         "Y_v": ("k_d",),
         "Z_w": ("c_lambda",),
-        "M_u": ("m_f", "k_d"),
+        "M_u": ("m_f", "m_fx", "k_d"),
         "L_v": ("m_f", "k_d"),
         "L_p": ("c_lambda", "k_d", "m_f"),
-        "M_q": ("c_lambda", "k_d", "m_f"),
+        "M_q": ("c_lambda", "k_d", "m_f", "m_fx"),
         "N_r": ("k_d", "k_r"),
     }
 )
@@ -1004,6 +1004,7 @@ def _slope_stds(
         "k_d": replace(rotors, induced_drag_n_s_m=0.0),
         "c_lambda": replace(rotors, inflow_n_s_m=0.0),
         "m_f": replace(rotors, flow=replace(flow, flapping_n_s=0.0)),
+        "m_fx": replace(rotors, flow=replace(flow, forward_flapping_n_s=0.0)),
         "k_r": replace(rotors, flow=replace(flow, yaw_damping_n_m_s=0.0)),
     }
     shares: dict[str, FloatArray] = {}

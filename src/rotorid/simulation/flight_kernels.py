@@ -143,9 +143,10 @@ def derivative(
                 thrust += body.wake * (rx * ui + ry * vi) * climb
                 drag -= body.climb_drag * climb
                 through = lam if lam.real >= 0.0 else -lam
-                tilting = body.flapping * spin * induced / (through + np.sqrt(across + lam * lam) + _STILL_M_S)
-                L += body.side_flapping[i] * spin * ui - tilting * vi
-                M += body.side_flapping[i] * spin * vi + tilting * ui
+                length = through + np.sqrt(across + lam * lam) + _STILL_M_S
+                L += body.side_flapping[i] * spin * ui - body.flapping * spin * induced / length * vi
+                backward = body.flapping + body.forward_flapping
+                M += body.side_flapping[i] * spin * vi + backward * spin * induced / length * ui
                 N -= body.yaw_damping * spin * r
             if body.inclined:
                 across = ui * ui + vi * vi

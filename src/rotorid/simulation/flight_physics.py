@@ -80,6 +80,7 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
             wake_n_s2_m3=get("c_wake"),
             climb_drag_n_s2_m2=get("k_w"),
             flapping_n_s=full * get("m_f"),
+            forward_flapping_n_s=full * get("m_fx"),
             side_flapping_n_s=full * get("m_s"),
             inflow_torque_n_s2_m=get("kappa_lambda"),
             yaw_damping_n_m_s=full * get("k_r"),
@@ -89,7 +90,7 @@ def rotors_with(values: Mapping[str, float], airframe: Airframe, layout: RotorLa
 
 _NAMES = (
     *("c_0", "c_1", "c_2", "c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "c_wake"),
-    *("T_motor", "kappa", "J_r", "m_f", "m_s", "kappa_lambda", "k_r"),
+    *("T_motor", "kappa", "J_r", "m_f", "m_fx", "m_s", "kappa_lambda", "k_r"),
 )
 
 
@@ -177,6 +178,7 @@ def flight_values(vehicle: Multirotor, *, full: float = 1.0) -> dict[str, float]
         "kappa": (torque - flow.inflow_torque_n_s2_m * per_share**2) / static,
         "J_r": rotors.inertia_kg_m2 * rotors.full_speed_rad_s / full,
         "m_f": flow.flapping_n_s / full,
+        "m_fx": flow.forward_flapping_n_s / full,
         "m_s": flow.side_flapping_n_s / full,
         "kappa_lambda": flow.inflow_torque_n_s2_m,
         "k_r": flow.yaw_damping_n_m_s / full,

@@ -79,6 +79,8 @@ class RotorFlow(Immutable):
         Drag across the rotor by :math:`c_i`, in addition to the induced drag.
     flapping_n_s
         Moment that tilts back, by :math:`x_i v_{ind} h_i / (|\lambda_i| + \sqrt{h_i^2 + \lambda_i^2})`.
+    forward_flapping_n_s
+        What forward flow adds to that.
     side_flapping_n_s
         Moment to the side of the rotor's turn, by :math:`x_i h_i`.
     inflow_torque_n_s2_m
@@ -95,6 +97,7 @@ class RotorFlow(Immutable):
     wake_n_s2_m3: float = 0.0
     climb_drag_n_s2_m2: float = 0.0
     flapping_n_s: float = 0.0
+    forward_flapping_n_s: float = 0.0
     side_flapping_n_s: float = 0.0
     inflow_torque_n_s2_m: float = 0.0
     yaw_damping_n_m_s: float = 0.0
@@ -417,6 +420,7 @@ class Multirotor(Immutable):
             wake=float(flow.wake_n_s2_m3),
             climb_drag=float(flow.climb_drag_n_s2_m2),
             flapping=float(flow.flapping_n_s),
+            forward_flapping=float(flow.forward_flapping_n_s),
             side_flapping=plain(flow.side_flapping_n_s * layout.spins),
             inflow_torque=float(flow.inflow_torque_n_s2_m),
             yaw_damping=float(flow.yaw_damping_n_m_s),
@@ -591,6 +595,7 @@ class Body(NamedTuple):
     wake: float
     climb_drag: float
     flapping: float
+    forward_flapping: float
     side_flapping: FloatArray
     """By the direction of each rotor, shape ``(rotors,)``."""
     inflow_torque: float

@@ -36,7 +36,7 @@ OF_OUTPUTS: Mapping[str, float] = {
     "y_imu": -0.01,
     "z_imu": 0.03,
 }
-PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_f": 1, "m_s": 1, "k_r": 1}
+PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_f": 1, "m_fx": 1, "m_s": 1, "k_r": 1}
 OF_SPEEDS = {name: value / FULL_RAD_S ** PER_SPEED.get(name, 0) for name, value in OF_OUTPUTS.items()}
 BY_MASS = (
     *("m", "c_0", "c_1", "c_2", "c_lambda", "k_d", "k_w", "c_h", "d_z", "I_xx", "I_yy", "I_zz", "J_r", "m_f"),

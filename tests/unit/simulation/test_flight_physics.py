@@ -41,12 +41,13 @@ OF_SHARES = {
     "kappa": 0.018,
     "J_r": 0.01,
     "m_f": 0.0005,
+    "m_fx": 0.0002,
     "m_s": 0.003,
     "kappa_lambda": 0.0004,
     "k_r": 0.002,
 }
 FULL_RAD_S = 900.0
-PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_f": 1, "m_s": 1, "k_r": 1}
+PER_SPEED = {"c_1": 1, "c_2": 2, "c_lambda": 1, "k_d": 1, "c_h": 1, "J_r": 1, "m_f": 1, "m_fx": 1, "m_s": 1, "k_r": 1}
 OF_SPEEDS = {
     name: value / FULL_RAD_S ** PER_SPEED.get(name, 0)
     for name, value in OF_SHARES.items()
@@ -159,7 +160,7 @@ def test_drag_is_scaled_as_a_whole() -> None:
     vehicle = _vehicle(OF_SHARES, 1.0)
     flying = Aircraft(vehicle=vehicle, autopilot=craft.autopilot())
     twice = flight_values(changed(flying, {"drag": 2.0}).vehicle)
-    of_air = ("c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "d_z", "c_wake", "m_f", "m_s", "k_r")
+    of_air = ("c_lambda", "k_d", "k_w", "c_h", "c_hw", "c_ha", "d_z", "c_wake", "m_f", "m_fx", "m_s", "k_r")
     assert [twice[name] for name in of_air] == pytest.approx([2.0 * OF_SHARES[name] for name in of_air])
     hovering = changed(flying, {"drag": 2.0}).vehicle.hover_shares
     np.testing.assert_allclose(hovering, vehicle.hover_shares, rtol=1e-12)

@@ -62,7 +62,7 @@ MOMENT_NUMBERS = (*INERTIA.values(), "kappa", "J_r", *AIR_TERMS)
 GAINS = ("gain_p", "gain_q", "gain_r")
 """Numbers of the predictor: the share of the motors' moments that shows about each axis."""
 
-LADDER: tuple[tuple[str, ...], ...] = (("m_f",), ("x_cg", "y_cg"), ("m_s",), ("kappa_lambda",), ("k_r",))
+LADDER: tuple[tuple[str, ...], ...] = (("m_f",), ("m_fx",), ("x_cg", "y_cg"), ("m_s",), ("kappa_lambda",), ("k_r",))
 """Moments of the air in the order in which they are tried."""
 
 MOMENT_HZ = 25.0
@@ -367,9 +367,7 @@ def moment_error(
     return np.asarray(weights * (acceleration - (moment - coupled) / known))
 
 
-def center_of(
-    values: Mapping[str, float], airframe: Airframe, record: MotorRecord, driven: Motion
-) -> dict[str, float]:
+def center_of(values: Mapping[str, float], airframe: Airframe, record: MotorRecord, driven: Motion) -> dict[str, float]:
     """Center of gravity of one flight of a known vehicle, ``x_cg`` and ``y_cg`` in m.
 
     It moves with the battery: half a millimeter turns a quadrotor of 45 g by 7 rad/s². Over a flight, angular
@@ -714,6 +712,8 @@ def _climbed(
             continue
         if "m_f" in tried and slow:
             missing["m_f"] = slow
+            continue
+        if "m_fx" in tried and "m_f" not in {*names, *known}:
             continue
         after = _judged(rows, [*names, *tried], axes)
         rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))

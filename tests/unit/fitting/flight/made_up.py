@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from rotorid.data.record import MotorRecord
@@ -40,6 +42,7 @@ def made_up_flight(
     speed: float = 4.0,
     gusts_nm: float = 0.0,
     turning: tuple[float, ...] = (2.0, 2.0, 0.3),
+    truth: Mapping[str, float] = TRUTH,
 ) -> MotorRecord:
     """A flight with measured speeds, motion and specific force.
 
@@ -53,6 +56,8 @@ def made_up_flight(
         Moments of the air that motors do not know about, root mean square.
     turning
         Root mean square of each rate, rad/s.
+    truth
+        Numbers of the vehicle.
     """
     rng = np.random.default_rng(seed)
     count = round(seconds * RATE_HZ)
@@ -60,12 +65,12 @@ def made_up_flight(
     velocity = speed * np.stack([_colored(rng, count, 0.3) * size for size in (1.0, 1.0, 1.0 / 3.0)])
     load = 9.81 * (1.0 + 0.15 * _colored(rng, count, 1.0))
     acceleration = derivative(rates, RATE_HZ)
-    inertia = np.array([TRUTH[name] for name in ("I_xx", "I_yy", "I_zz")])[:, None]
+    inertia = np.array([truth[name] for name in ("I_xx", "I_yy", "I_zz")])[:, None]
     gust = gusts_nm * np.stack([_colored(rng, count, 3.0) for _ in range(3)])
     wanted = inertia * acceleration + np.cross(rates, inertia * rates, axis=0) - gust
-    speeds = _speeds_for(FRAME.mass_kg * load, wanted, velocity, rates)
-    loads = flight_loads(TRUTH, FRAME, speeds=speeds, velocity=velocity, rates=rates)
-    force = felt(loads, TRUTH, FRAME.mass_kg, rates, acceleration)
+    speeds = _speeds_for(truth, FRAME.mass_kg * load, wanted, velocity, rates)
+    loads = flight_loads(truth, FRAME, speeds=speeds, velocity=velocity, rates=rates)
+    force = felt(loads, truth, FRAME.mass_kg, rates, acceleration)
     noise = 0.003 * rng.normal(size=rates.shape)
     force = force + 0.05 * rng.normal(size=force.shape)
     return MotorRecord(
@@ -88,16 +93,18 @@ def _colored(rng: np.random.Generator, count: int, high_hz: float) -> FloatArray
     return np.asarray((row - row.mean()) / row.std())
 
 
-def _speeds_for(thrust_n: FloatArray, moment: FloatArray, velocity: FloatArray, rates: FloatArray) -> FloatArray:
+def _speeds_for(
+    truth: Mapping[str, float], thrust_n: FloatArray, moment: FloatArray, velocity: FloatArray, rates: FloatArray
+) -> FloatArray:
     """Speeds that make a thrust and a moment, by steps along the linear part; yaw by its transfer function."""
     x, y, _ = FRAME.positions.T
     tilting = np.linalg.pinv(np.stack([np.ones(4), -y, x]))
     hertz = np.fft.rfftfreq(thrust_n.size, 1.0 / RATE_HZ)
-    yawing = 2.0 * TRUTH["kappa"] * TRUTH["c_2"] * _HOVER + 2j * np.pi * hertz * TRUTH["J_r"]
+    yawing = 2.0 * truth["kappa"] * truth["c_2"] * _HOVER + 2j * np.pi * hertz * truth["J_r"]
     speeds = np.full((4, thrust_n.size), _HOVER)
     for _ in range(_ITERATIONS):
         loads = flight_loads(
-            TRUTH,
+            truth,
             FRAME,
             speeds=speeds,
             velocity=velocity,
@@ -106,6 +113,6 @@ def _speeds_for(thrust_n: FloatArray, moment: FloatArray, velocity: FloatArray, 
         )
         turn = np.fft.irfft(np.fft.rfft(moment[2] - loads.moment[2]) / yawing, thrust_n.size)
         off = np.vstack([thrust_n + loads.force[2], moment[:2] - loads.moment[:2]])
-        step = tilting @ off / (3.0 * TRUTH["c_2"] * speeds) + FRAME.spins[:, None] * turn / 4.0
+        step = tilting @ off / (3.0 * truth["c_2"] * speeds) + FRAME.spins[:, None] * turn / 4.0
         speeds = np.maximum(speeds + 0.7 * step, 200.0)
     return speeds

@@ -40,6 +40,16 @@ def test_the_ladder_lets_in_what_was_flown_alone(fitted: MomentFit) -> None:
     assert fitted.ladder[0].after < 0.5 * fitted.ladder[0].before
 
 
+def test_forward_flight_tilts_back_by_more() -> None:
+    truth = {**TRUTH, "m_fx": 3e-6}
+    flights = [made_up_flight(seed, gusts_nm=0.003, seconds=20.0, truth=truth) for seed in (1, 2)]
+    choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]}, terms=("m_f", "m_fx"))
+    found = fit_moments(flights, FRAME, [motion(record) for record in flights], FORCE, choices)
+    assert found.entered == ("m_f", "m_fx")
+    assert found.values["m_f"] == pytest.approx(truth["m_f"], rel=0.05)
+    assert found.values["m_fx"] == pytest.approx(truth["m_fx"], rel=0.1)
+
+
 def test_what_is_left_are_the_gusts(fitted: MomentFit) -> None:
     assert np.all(fitted.axes_nm < 0.0045)
     assert np.all(fitted.rms_nm < 1.6 * 0.003 * np.sqrt(3.0))
