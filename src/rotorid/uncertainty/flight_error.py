@@ -40,6 +40,7 @@ from rotorid.fitting.flight.fit import (
 )
 from rotorid.fitting.flight.moment import AIR_TERMS, MOMENT_NUMBERS, moment_error
 from rotorid.fitting.flight.motion import Motion, motion
+from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.problem import Part
 from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.motors import SPIN_UP
@@ -182,13 +183,14 @@ def _correlation(names: Sequence[str]) -> FloatArray:
 def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> FloatArray:
     """Covariance by blocks, shape ``(p, p)``: forces, each band, and moments of the air, one after the other."""
     found = np.zeros((len(names), len(names)))
-    force = [name for name in names if name not in MOMENT_NUMBERS]
+    by_turning = _band_stds(fit)
+    force = [name for name in names if name not in MOMENT_NUMBERS and name not in by_turning]
     air = [name for name in names if name in AIR_TERMS]
     for group, parts in ((force, _force_parts), (air, _air_parts)):
         if group:
             places = [names.index(name) for name in group]
             found[np.ix_(places, places)] = by_blocks(parts(fit, records, group))[: len(group), : len(group)]
-    for name, std in _band_stds(fit).items():
+    for name, std in by_turning.items():
         if name in names:
             found[names.index(name), names.index(name)] = std**2
     return found
@@ -266,19 +268,19 @@ def _part(
 
 
 def _band_stds(fit: FlightFit) -> dict[str, float]:
-    """Deviations of inertia and of what yaw shows, within flights: means of flights, each by blocks."""
+    """Deviations of lag, inertia and what yaw shows, within flights: means of flights, each by blocks."""
+    shown = {} if fit.lag is None else _variances(fit.lag)
+    lag = {"T_motor": float(np.sqrt(shown["T_motor"]))} if "T_motor" in shown else {}
     if fit.moments is None:
-        return {}
+        return lag
     variances: dict[str, list[float]] = {}
     for alone in fit.moments.alone:
         for chain in alone.chains:
-            rate_hz = chain.problem.records[0].sample_rate_hz
-            parts = [part._replace(sample_rate_hz=rate_hz) for part in chain.parts()]
-            for name, variance in zip(chain.moving, by_blocks(parts).diagonal(), strict=True):
-                variances.setdefault(name, []).append(float(variance))
+            for name, variance in _variances(chain).items():
+                variances.setdefault(name, []).append(variance)
     stds = {name: float(np.sqrt(sum(each)) / len(each)) for name, each in variances.items()}
     inertia = fit.values.get("I_zz", 0.0)
-    found: dict[str, float] = {name: stds[name] for name in ("I_xx", "I_yy") if name in stds}
+    found = lag | {name: stds[name] for name in ("I_xx", "I_yy") if name in stds}
     if SPIN_UP in stds:
         found["J_r"] = stds[SPIN_UP] * inertia
     if "kappa_per_I_zz" in stds:
@@ -286,3 +288,10 @@ def _band_stds(fit: FlightFit) -> dict[str, float]:
         if "kappa" in fit.values and inertia:
             found["I_zz"] = stds["kappa_per_I_zz"] * inertia**2 / fit.values["kappa"]
     return found
+
+
+def _variances(chain: MotorFit) -> dict[str, float]:
+    """Variance of each number of a fit of some axes, by blocks."""
+    rate_hz = chain.problem.records[0].sample_rate_hz
+    parts = [part._replace(sample_rate_hz=rate_hz) for part in chain.parts()]
+    return dict(zip(chain.moving, by_blocks(parts).diagonal().tolist(), strict=True))

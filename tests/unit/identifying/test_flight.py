@@ -115,6 +115,10 @@ def test_outputs_are_shares_of_the_full_speed(layout: str) -> None:
     assert of_outputs["k_d"].unit == "N s/m"
     full = of_outputs.motors.derived["thrust_to_weight"]
     assert 1.5 < full.value < 15.0
+    # Roll and pitch show the lag, which thrust along the rotors alone would not.
+    lag = of_outputs["T_motor"]
+    assert lag.std is not None
+    assert 0.0 < lag.std < 0.2 * lag.value
 
 
 def test_a_flight_without_the_mean_force_is_refused(layout: str) -> None:

@@ -19,6 +19,7 @@ from rotorid.fitting.flight.force import through_sensor
 from rotorid.fitting.flight.ladder import ForceChoices, Rung, fit_force
 from rotorid.fitting.flight.moment import MomentChoices, MomentFit, Octave, fit_moments, motor_lag
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, velocity_class
+from rotorid.fitting.motors.fit import MotorFit
 from rotorid.models.flight import (
     Airframe,
     HoverThrust,
@@ -176,6 +177,8 @@ class FlightFit(Immutable):
         Numbers that predict this closed loop best, and are not the vehicle's; empty where they were not asked for.
     moments
         Fit of the moments; ``None`` where there was none.
+    lag
+        Fit of roll and pitch that the lag of the motors is from; ``None`` where it is known or from force.
     """
 
     airframe: Airframe
@@ -199,6 +202,7 @@ class FlightFit(Immutable):
     moment_rms_nm: FloatArray = field(default_factory=lambda: np.zeros(0))
     predictor: Mapping[str, float] = field(default_factory=dict)
     moments: MomentFit | None = None
+    lag: MotorFit | None = None
 
     def __post_init__(self) -> None:
         vectors = {name: read_only(getattr(self, name), np.float64, ndim=1) for name in _VECTORS}
@@ -232,7 +236,8 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     records = tuple(records)
     _check(records, airframe)
     given = choices or FlightChoices()
-    choices = _with_lag(records, airframe, given)
+    lag = _lag(records, airframe, given)
+    choices = _with_lag(given, lag)
     kind = choices.velocity or _least(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     turned = all(record.attitude.shape[1] for record in records)
@@ -242,7 +247,10 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         airframe,
         ForceChoices(choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain),
     )
-    values = force.values
+    values = dict(force.values)
+    if lag is not None and "T_motor" not in lag.moving:
+        # A lag far shorter than the samples is none.
+        del values["T_motor"]
     driven = [
         motion(record, values, kind=kind, wind=blown, skew_s=float(skew))
         for record, blown, skew in zip(records, force.winds, skews, strict=True)
@@ -257,7 +265,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         airframe=airframe,
         records=tuple(record.name for record in records),
         values=values,
-        free=(*force.free, *(name for name in choices.values if name not in given.values)),
+        free=(*force.free, *(name for name in choices.values if name not in given.values and name in values)),
         entered=force.entered,
         ladder=force.ladder,
         velocity=kind,
@@ -270,6 +278,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
         force_axes_n=left,
         tested=covered(records, driven),
         hover=hover_thrust(values, airframe),
+        lag=lag,
     )
     return with_moments(forces, records, choices)
 
@@ -301,14 +310,17 @@ def with_moments(forces: FlightFit, records: Sequence[MotorRecord], choices: Fli
     )
 
 
-def _with_lag(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightChoices) -> FlightChoices:
+def _lag(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightChoices) -> MotorFit | None:
     """Motors known by their outputs follow them with a lag, which roll and pitch show before thrust is known."""
     if "T_motor" in choices.values or all(record.between == "lines" for record in records):
+        return None
+    return motor_lag(records, airframe)
+
+
+def _with_lag(choices: FlightChoices, lag: MotorFit | None) -> FlightChoices:
+    if lag is None:
         return choices
-    chain = motor_lag(records, airframe)
-    if chain is None:
-        return choices
-    return replace(choices, values={**choices.values, "T_motor": chain.parameters["T_motor"].value})
+    return replace(choices, values={**choices.values, "T_motor": lag.parameters["T_motor"].value})
 
 
 def _size(rows: FloatArray) -> FloatArray:

@@ -72,7 +72,7 @@ _SETTLED, _SETTLED_M_S = 1e-4, 0.005
 _TOGETHER_S = 1.0
 _BLOCK_S = 2.0
 _BIAS_M_S2 = 0.05
-_WIND_M_S = 5.0
+_WIND_M_S, _STORM_M_S = 5.0, 15.0
 _QUARTER_TURN = 0.5 * np.pi
 _USUAL_DRAG_1_S = 0.3
 
@@ -401,17 +401,42 @@ class _Search:
         self.values |= values | dict(self.choices.known)
         self.by_speed = np.full(len(self.records), hover_thrust(self.values, self.airframe).coefficient)
 
+    def _first_winds(self) -> FloatArray:
+        """Winds to begin with, by one regression of the force along the discs on motion and winds.
+
+        Without them, a flight that is held against its wind shows no drag or a negative one, and no drag shows no wind.
+        """
+        rows, columns = self.rows(("k_d",)), self._wind_columns(by=1.0)
+        count = 2 * len(rows)
+        matrix, right = np.zeros((1 + count, 1 + count)), np.zeros(1 + count)
+        for place, (part, toward) in enumerate(zip(rows, columns, strict=True)):
+            used = [0, 1 + 2 * place, 2 + 2 * place]
+            flat = np.stack([part.columns[0][:2], *toward[:, :2]]).reshape(3, -1)
+            matrix[np.ix_(used, used)] += flat @ flat.T
+            right[used] += flat @ part.measured[:2].ravel()
+        drag, *pushed = np.linalg.lstsq(matrix, right, rcond=1e-10)[0].tolist()
+        if not drag > 0.0:
+            return np.zeros((len(rows), 2))
+        return np.clip(np.array(pushed).reshape(-1, 2) / drag, -_STORM_M_S, _STORM_M_S)
+
     def _blow(self, rows: Sequence[ForceRows], found: FloatArray) -> None:
         for place, (part, columns) in enumerate(zip(rows, self._wind_columns(), strict=True)):
             left = part.measured - np.tensordot(found, part.columns, 1)
             step, _ = _wind(columns, left, part.sample_rate_hz)
             self.winds[place] += step
 
-    def _wind_columns(self) -> list[FloatArray]:
-        """Specific force of a wind of one toward north and east, in body axes, by record, shape ``(2, 3, n)``."""
+    def _wind_columns(self, by: float | None = None) -> list[FloatArray]:
+        """Specific force of a wind of one toward north and east, in body axes, by record, shape ``(2, 3, n)``.
+
+        Parameters
+        ----------
+        by
+            Drag coefficient of the rotors; by default the one that was found.
+        """
+        drag = self.values.get("k_d", 0.0) if by is None else by
         found = []
         for record, moved in zip(self.records, self.driven(), strict=True):
-            pushed = self.values.get("k_d", 0.0) * moved.speeds.sum(axis=0) / self.airframe.mass_kg
+            pushed = drag * moved.speeds.sum(axis=0) / self.airframe.mass_kg
             toward = [earth_to_body(record.attitude, np.tile(axis[:, None], record.samples)) for axis in np.eye(3)[:2]]
             columns = np.stack(toward) * pushed
             columns[:, 2] = 0.0
@@ -500,7 +525,7 @@ class _Search:
     def wind_rung(self) -> Rung:
         """Whether a wind of each record lowers the error of thirds that were not fitted; indoors there is none."""
         before = self._unseen_error(self._parts(self.names)[0], self.names)
-        self.winds = np.zeros((len(self.records), 2))
+        self.winds = self._first_winds()
         self.settle()
         after = self._unseen_error(self._parts(self.names)[0], self.names)
         entered = after < (1.0 - self.choices.least_gain) * before

@@ -11,6 +11,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.force import through_sensor
 from rotorid.fitting.flight.ladder import ForceChoices, ForceFit, fit_force
 from rotorid.fitting.flight.motion import VelocityClass, motion, rotor_speeds
+from rotorid.frames import earth_to_body
 from rotorid.models.flight import Airframe, felt, flight_loads
 from rotorid.typing import FloatArray
 
@@ -32,6 +33,7 @@ def flown(
     *,
     speed: float = 4.0,
     wind: tuple[float, float] = (0.0, 0.0),
+    drift: tuple[float, float] = (0.0, 0.0),
     seconds: float = 20.0,
     turning: float = 2.0,
 ) -> MotorRecord:
@@ -41,6 +43,7 @@ def flown(
     rates = turning * np.stack([_colored(rng, count, 5.0) for _ in range(3)])
     attitude = np.stack([0.4 * _colored(rng, count, 0.3), 0.4 * _colored(rng, count, 0.3), np.arange(count) / 600.0])
     ground = speed * np.stack([_colored(rng, count, 0.3) * size for size in (1.0, 1.0, 0.4)])
+    ground += earth_to_body(attitude, np.tile(np.array([*drift, 0.0])[:, None], count))
     together, apart = _colored(rng, count, 1.0), np.stack([_colored(rng, count, 4.0) for _ in range(4)])
     by_output = "T_motor" in truth
     outputs = (0.5 if by_output else 1150.0) * (1.0 + (0.08 * together + 0.03 * apart) * min(speed, 1.0))
@@ -104,6 +107,14 @@ def test_every_flight_has_its_wind() -> None:
     assert np.abs(found.winds - np.array(winds)).max() < 0.1
     assert np.all(np.abs(found.winds - np.array(winds)) < 3.0 * found.wind_stds)
     assert found.values["k_d"] == pytest.approx(4e-5, rel=0.02)
+
+
+def test_a_flight_that_its_wind_carries_along_has_drag() -> None:
+    # The drag of a mean motion slower than the wind pushes ahead: without a wind, drag would be negative, thus none.
+    found = fitted(flown(11, TRUTH, speed=1.0, wind=(3.0, -2.0), drift=(1.8, -1.2)))
+    assert [rung.entered for rung in found.ladder if rung.terms == ("wind",)] == [True]
+    assert np.abs(found.winds[0] - (3.0, -2.0)).max() < 0.3
+    assert found.values["k_d"] == pytest.approx(4e-5, rel=0.1)
 
 
 def test_outputs_have_a_lag_and_a_curve() -> None:
