@@ -167,7 +167,7 @@ class Airframe(Immutable):
         positions, spins = read_only(self.positions, np.float64, ndim=2), read_only(self.spins, np.float64, ndim=1)
         if positions.shape != (spins.size, 3):
             raise ModelError(
-                f"positions have shape {positions.shape} for {spins.size} rotors", needed="three numbers for each"
+                f"positions of {spins.size} rotors have the shape {positions.shape}", needed="three numbers for each"
             )
         if not (self.mass_kg > 0.0 and self.disc_m2 > 0.0 and self.density_kg_m3 > 0.0):
             raise ModelError("mass, disc and density of the air have to be positive")
