@@ -12,8 +12,9 @@ TABLE = re.compile(r"(?<=<!-- written by tests/docs/findings_table.py -->\n)(?:[
 
 
 def findings_table() -> str:
-    """One line a kind: the word that scripts rely on, its usual severity, what it means."""
-    return "".join(f"- `{word}` ({kind.severity}): {kind.meaning}\n" for word, kind in sorted(KINDS.items()))
+    """One line a kind: the word that scripts rely on, its usual severity if it is no warning, what it means."""
+    named = {word: "" if kind.severity == "warning" else f" ({kind.severity})" for word, kind in sorted(KINDS.items())}
+    return "".join(f"- `{word}`{severity}: {KINDS[word].meaning}\n" for word, severity in named.items())
 
 
 def refilled(text: str) -> str:

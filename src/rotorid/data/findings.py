@@ -224,7 +224,7 @@ KINDS: Mapping[str, Kind] = {
     "assumed_scatter": Kind(
         "info",
         "Usual scatter assumed",
-        "One flight does not show how numbers scatter between flights, so that their usual scatter was assumed.",
+        "One flight does not show how numbers scatter between flights, so the usual scatter was assumed.",
     ),
     "assumed_geometry": Kind("info", "Motor layout assumed", "The order or the positions of the motors were assumed."),
     "battery_sag": Kind(
@@ -267,8 +267,8 @@ KINDS: Mapping[str, Kind] = {
     "both_ways_disagree": Kind(
         "warning",
         "Regressions disagree",
-        "Two regressions disagree: of acceleration and torque on each other after correction for noise, or drag by the "
-        "tilt and by the logged velocity.",
+        "Two regressions disagree: acceleration on torque and the reverse, corrected for noise, or drag from the tilt "
+        "and from the logged velocity.",
     ),
     "channels_disagree": Kind(
         "warning",
@@ -349,7 +349,7 @@ KINDS: Mapping[str, Kind] = {
         "warning", "Too gusty to judge the model", "An unseen flight was too disturbed to judge the model."
     ),
     "drag_by_tilt": Kind(
-        "info", "Drag by the tilt", "The flight is slow, so that its drag is from the tilt as instrument."
+        "info", "Drag from the tilt", "The flight is slow, so its drag was estimated with the tilt as instrument."
     ),
     "dropped_parameter": Kind("info", "Parameter dropped", "The data do not show this parameter, so it was dropped."),
     "export_compromise": Kind(
@@ -386,7 +386,7 @@ KINDS: Mapping[str, Kind] = {
     "flight_terms_missing": Kind(
         "info",
         "Terms not shown by the flight",
-        "The flights do not show these terms of the model, for the reason given.",
+        "The flights do not show these terms of the model, for the given reason.",
     ),
     "flown_in_pieces": Kind(
         "info",
@@ -706,7 +706,7 @@ KINDS: Mapping[str, Kind] = {
     "torque_band": Kind(
         "info",
         "Torque from some octaves",
-        "The motors explain this axis in some octaves alone, where its inertia was identified.",
+        "The motors explain this axis in some octaves only, and its inertia was identified there.",
     ),
     "tie_contradicted": Kind(
         "warning",
@@ -743,7 +743,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "unused_choice": Kind("warning", "Unused option", "An option had no effect."),
     "velocity_late": Kind(
-        "warning", "Velocity is late", "The logged velocity comes later than the acceleration and the attitude show."
+        "warning", "Velocity is late", "The logged velocity is later than acceleration and attitude show."
     ),
     "vibration_filtered": Kind(
         "info", "Vibration filtered out", "Vibration was filtered out of measured and predicted outputs alike."
@@ -751,7 +751,7 @@ KINDS: Mapping[str, Kind] = {
     "velocity_from_attitude": Kind(
         "info",
         "Velocity not logged",
-        "The velocity was integrated from attitude and accelerometer, or was not known at all.",
+        "The velocity was integrated from attitude and accelerometer, or is unknown.",
     ),
     "voltage_exponent": Kind(
         "info", "Thrust over voltage", "Thrust follows the battery voltage by this power; the model assumes the square."
