@@ -6,13 +6,13 @@ responses or in time (:data:`LINEAR`); a row of :data:`FITTINGS` is a family tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args
 
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, listed
 from rotorid.identifying.flight import Flights
 from rotorid.identifying.hover_physics import hover_of_vehicle
 from rotorid.identifying.methods import Frequency, InTime, Method
@@ -33,7 +33,7 @@ Read: TypeAlias = str | LinearStructure | NonlinearStructure
 
 
 class _Refusal(NamedTuple):
-    """Error on a choice ``{wrong}`` that a model ``{name}`` does not have; it takes ``{methods}``."""
+    """Error on a choice ``{wrong}`` that a model ``{name}`` lacks; it takes ``{methods}``, ``{others}`` have it."""
 
     came: str
     needed: str = ""
@@ -128,9 +128,7 @@ LINEAR = Fitting(
     method=_linear,
     choices=tuple(name for name in _ALL if name not in (*_OF_ROTORS, *_OF_FLIGHT)),
     methods=tuple(word for word in get_args(MethodChoice) if word != "accelerations"),
-    no_choice=_Refusal(
-        "{wrong} does not apply to {name}", remedy=f"leave it out, or use {MOTORS.name}, {FLIGHT.name} or {HOVER.name}"
-    ),
+    no_choice=_Refusal("{wrong} does not apply to {name}", remedy="leave it out, or use {others}"),
     no_method=_Refusal("--method {wrong} does not apply to {name}", remedy=f"use it with {MOTORS.name}"),
 )
 
@@ -245,10 +243,16 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
         raise fitting.no_option.error(wrong=" and ".join(given), **words)
     if settings.method not in fitting.methods:
         raise fitting.no_method.error(wrong=settings.method, **words)
-    wrong = [option for name, option in options_given(settings).items() if name not in fitting.choices]
-    if wrong := [*wrong, *(given if alike else ())]:
-        raise fitting.no_choice.error(wrong=", ".join(wrong), **words)
+    foreign = {name: option for name, option in options_given(settings).items() if name not in fitting.choices}
+    if wrong := [*foreign.values(), *(given if alike else ())]:
+        raise fitting.no_choice.error(wrong=", ".join(wrong), others=_models_with(foreign), **words)
     fitting.check(read, settings)
+
+
+def _models_with(choices: Iterable[str]) -> str:
+    """Models in physical parameters that have all of these choices, or words for none."""
+    names = [family.name for family in (MOTORS, FLIGHT, HOVER) if {*choices} <= {*FITTINGS[family.name].choices}]
+    return listed(names) or "each with its model"
 
 
 def own_settings(model: Read, settings: IdentifySettings) -> IdentifySettings:

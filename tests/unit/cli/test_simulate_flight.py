@@ -235,7 +235,7 @@ def test_the_rig_as_a_new_user_would(tmp_path: Path) -> None:
         (("--layout", "quad.x", "--arm", "0.2", "--fix", "l=0.2"), "l was given with --arm and with --fix"),
         (("--layout", "x8", "--arm", "0.2", "--rotor-diameter", "0.2", "--fix", "m=1", "--fix", "rho=1.2",
           "--fix", "k_n=100"), "above one another"),
-        (("--layout", "quad.x", "--curve", "linear"), "leave it out, or use physical.motors or physical.hover"),
+        (("--layout", "quad.x", "--curve", "linear"), "to physical.hover; leave it out, or use physical.motors."),
     ],
 )  # fmt: skip
 def test_geometry_that_no_flight_tells_is_asked_for(given: tuple[str, ...], words: str, tmp_path: Path) -> None:
