@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.typing import FloatArray
+from rotorid.typing import AnyArray, FloatArray
 
 BodyFrame: TypeAlias = Literal["FRD", "FLU"]
 WorldFrame: TypeAlias = Literal["NED", "ENU", "NWU"]
@@ -183,18 +183,18 @@ def body_to_earth(attitude: FloatArray, vectors: FloatArray) -> FloatArray:
     return vectors
 
 
-def quaternion_from_euler(angles: FloatArray) -> FloatArray:
+def quaternion_from_euler(angles: AnyArray) -> AnyArray:
     """Attitude quaternion of yaw–pitch–roll angles, body to earth: what :func:`euler_from_quaternion` undoes.
 
     Parameters
     ----------
     angles
-        Rows phi, theta, psi in rad; shape ``(3, samples)``.
+        Rows phi, theta, psi in rad; shape ``(3, ...)``. Complex ones give the analytic continuation.
 
     Returns
     -------
-    FloatArray
-        Rows w, x, y, z; shape ``(4, samples)``.
+    AnyArray
+        Rows w, x, y, z; shape ``(4, ...)``.
 
     Examples
     --------
@@ -209,5 +209,43 @@ def quaternion_from_euler(angles: FloatArray) -> FloatArray:
             sr * cp * cy - cr * sp * sy,
             cr * sp * cy + sr * cp * sy,
             cr * cp * sy - sr * sp * cy,
+        ]
+    )
+
+
+def rates_from_attitude(angles: FloatArray, change: FloatArray) -> FloatArray:
+    r"""Body rates of an attitude that changes.
+
+    .. math:: p = \dot\phi - \dot\psi \sin\theta, \quad q = \dot\theta \cos\phi + \dot\psi \cos\theta \sin\phi, \quad
+        r = \dot\psi \cos\theta \cos\phi - \dot\theta \sin\phi
+
+    Parameters
+    ----------
+    angles
+        Rows phi, theta, psi in rad; shape ``(3, samples)``.
+    change
+        Their derivatives, rad/s, in the same shape.
+
+    Returns
+    -------
+    FloatArray
+        Rows p, q, r in rad/s; shape ``(3, samples)``.
+
+    Examples
+    --------
+    Turning with the right side down, the nose rises in body axes:
+
+    >>> import numpy as np
+    >>> on_its_side, turning = np.array([[0.5 * np.pi], [0.0], [0.0]]), np.array([[0.0], [0.0], [1.0]])
+    >>> rates_from_attitude(on_its_side, turning).ravel().round(6).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    phi, theta, _ = angles
+    d_phi, d_theta, d_psi = change
+    return np.stack(
+        [
+            d_phi - d_psi * np.sin(theta),
+            d_theta * np.cos(phi) + d_psi * np.cos(theta) * np.sin(phi),
+            d_psi * np.cos(theta) * np.cos(phi) - d_theta * np.sin(phi),
         ]
     )

@@ -173,14 +173,8 @@ def delay_words(vehicle: JoinedVehicle, otherwise: str, *, as_lag: bool) -> list
 
 
 def lag_words(vehicle: JoinedVehicle) -> list[str]:
-    """Sentences where the lag of the motors is not known, and where thrust lags behind the speed of all rotors."""
-    words = [] if "T_motor" in vehicle.numbers else ["The lag of the motors is not identified."]
-    together = vehicle.numbers.get("T_thrust")
-    if together is not None and together.value > 0.0:
-        words.append(
-            f"Thrust of all rotors together lags {1e3 * together.value:.2g} ms behind their speed: that is lost."
-        )
-    return words
+    """A sentence where the lag of the motors is not known."""
+    return [] if "T_motor" in vehicle.numbers else ["The lag of the motors is not identified."]
 
 
 _SAME_THRUST = 0.01

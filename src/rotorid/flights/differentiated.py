@@ -32,6 +32,7 @@ from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.excitation import SLOW_HZ
+from rotorid.frames import rates_from_attitude
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -128,16 +129,11 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
 def _rates(record: FlightRecord, angles: _Samples) -> tuple[Topic, Finding]:
     from scipy.interpolate import CubicSpline
 
-    phi, theta, _ = angles.values
-    phi_dot, theta_dot, psi_dot = CubicSpline(angles.time_s, angles.values, axis=1)(angles.time_s, 1)
-    p = phi_dot - psi_dot * np.sin(theta)
-    q = theta_dot * np.cos(phi) + psi_dot * np.sin(phi) * np.cos(theta)
-    r = -theta_dot * np.sin(phi) + psi_dot * np.cos(phi) * np.cos(theta)
+    change = CubicSpline(angles.time_s, angles.values, axis=1)(angles.time_s, 1)
+    rates = rates_from_attitude(angles.values, change)
     channels = tuple(Channel(name=name, unit="rad/s") for name in RATES)
-    topic = Topic(
-        name=f"{angles.topic}, differentiated", time_s=angles.time_s, channels=channels, values=np.stack([p, q, r])
-    )
-    accelerations = np.gradient(np.stack([p, q]), angles.time_s, axis=1)
+    topic = Topic(name=f"{angles.topic}, differentiated", time_s=angles.time_s, channels=channels, values=rates)
+    accelerations = np.gradient(rates[:2], angles.time_s, axis=1)
     return topic, _price(record, angles, angles.values[:2], accelerations, words="p, q and r", unit="rad")
 
 

@@ -27,6 +27,7 @@ from rotorid.data.axes import ATTITUDE
 from rotorid.data.record import TimeHistory
 from rotorid.flights.coverage import HOVER_M_S
 from rotorid.flights.flights import Flight, SteadyDrag
+from rotorid.frames import body_to_earth, earth_to_body
 from rotorid.models.steady_wind import HEAVE_SHARE, in_steady_wind, leans
 from rotorid.models.structure import LinearStructure
 from rotorid.signal.airborne import airborne_by_thrust, flight_around
@@ -197,14 +198,7 @@ def _thrust_direction(flight: Flight) -> FloatArray | None:
     attitude = _attitude(flight)
     if attitude is None:
         return None
-    phi, theta, psi = attitude
-    direction = np.stack(
-        [
-            np.cos(psi) * np.sin(theta) * np.cos(phi) + np.sin(psi) * np.sin(phi),
-            np.sin(psi) * np.sin(theta) * np.cos(phi) - np.cos(psi) * np.sin(phi),
-            np.cos(theta) * np.cos(phi),
-        ]
-    ).mean(axis=1)
+    direction = body_to_earth(attitude, _constant((0.0, 0.0, 1.0), attitude)).mean(axis=1)
     return np.asarray(direction / np.linalg.norm(direction)) if direction[2] > 0.0 else None
 
 
@@ -213,9 +207,13 @@ def _gravity_direction(flight: Flight) -> FloatArray | None:
     attitude = _attitude(flight)
     if attitude is None:
         return None
-    phi, theta, _ = attitude
-    down = np.stack([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]).mean(axis=1)
+    down = earth_to_body(attitude, _constant((0.0, 0.0, 1.0), attitude)).mean(axis=1)
     return np.asarray(down / np.linalg.norm(down))
+
+
+def _constant(vector: tuple[float, float, float], attitude: FloatArray) -> FloatArray:
+    """A vector at every sample of an attitude, shape ``(3, n)``."""
+    return np.repeat(np.array(vector)[:, None], attitude.shape[1], axis=1)
 
 
 def _lean(flights: Sequence[Flight]) -> float:
@@ -229,16 +227,8 @@ def _in_body(flight: Flight) -> FloatArray:
     attitude = _attitude(flight)
     assert attitude is not None
     assert flight.steady_drag is not None
-    phi, theta, psi = attitude
     north, east, _ = flight.steady_drag
-    ahead, aside = np.cos(psi) * north + np.sin(psi) * east, np.cos(psi) * east - np.sin(psi) * north
-    return np.stack(
-        [
-            np.cos(theta) * ahead,
-            np.cos(phi) * aside + np.sin(phi) * np.sin(theta) * ahead,
-            np.cos(phi) * np.sin(theta) * ahead - np.sin(phi) * aside,
-        ]
-    )
+    return earth_to_body(attitude, _constant((north, east, 0.0), attitude))
 
 
 def _attitude(flight: Flight) -> FloatArray | None:

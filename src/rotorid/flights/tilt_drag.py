@@ -59,6 +59,7 @@ from rotorid.data.quantity import TWO_SIDED_95, Quantity, with_error
 from rotorid.data.record import FlightRecord, Intervals, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import flown
+from rotorid.frames import body_to_earth, rates_from_attitude
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
 from rotorid.signal.kinematics import derivative, to_body
 from rotorid.typing import BoolArray, FloatArray
@@ -447,24 +448,17 @@ def _stretch(history: TimeHistory) -> _Stretch:
 
 def _acceleration(history: TimeHistory) -> FloatArray:
     """North and east acceleration of thrust that carries the weight, by the tilt, shape ``(2, n)``."""
-    phi, theta, psi = (history[name] for name in ATTITUDE)
-    ahead, aside = np.sin(theta) * np.cos(phi), np.sin(phi)
-    upright = np.cos(theta) * np.cos(phi)
-    axis = np.stack([np.cos(psi) * ahead + np.sin(psi) * aside, np.sin(psi) * ahead - np.cos(psi) * aside])
-    return np.asarray(-STANDARD_GRAVITY_M_S2 * axis / np.maximum(upright, _LEAST_UPRIGHT))
+    attitude = np.stack([history[name] for name in ATTITUDE])
+    zero = np.zeros(attitude.shape[1])
+    *axis, upright = body_to_earth(attitude, np.stack([zero, zero, zero + 1.0]))
+    return np.asarray(-STANDARD_GRAVITY_M_S2 * np.stack(axis) / np.maximum(upright, _LEAST_UPRIGHT))
 
 
 def _rates(history: TimeHistory) -> FloatArray:
     """Body rates from the attitude, which is logged as fast as the instrument needs."""
-    phi, theta = history["phi"], history["theta"]
-    phi_dot, theta_dot, psi_dot = derivative(np.stack([history[name] for name in ATTITUDE]), history.sample_rate_hz)
-    return np.stack(
-        [
-            phi_dot - psi_dot * np.sin(theta),
-            theta_dot * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi),
-            psi_dot * np.cos(theta) * np.cos(phi) - theta_dot * np.sin(phi),
-        ]
-    )
+    # Unwrapped, a heading that passes south is no jump.
+    angles = np.unwrap(np.stack([history[name] for name in ATTITUDE]), axis=-1)
+    return rates_from_attitude(angles, derivative(angles, history.sample_rate_hz))
 
 
 def _with_best_lag(by_log: Sequence[Sequence[_Stretch]]) -> list[list[_Stretch]]:

@@ -50,7 +50,7 @@ from rotorid.typing import FloatArray, IntArray
 SPACING_M_S = 2.0
 """Largest distance of the speeds: between them derivatives are as good as straight."""
 
-_STILL = frozenset({"T_motor", "T_thrust", "J_r", "x_imu", "y_imu", "z_imu"})
+_STILL = frozenset({"T_motor", "J_r", "x_imu", "y_imu", "z_imu"})
 """Numbers of a flight that no derivative of motion depends on."""
 _OWN_DERIVATIVES = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw", "thrust": "Z_thrust"}
 """Command to the derivative by which the change of the rotors that it asks for is known."""

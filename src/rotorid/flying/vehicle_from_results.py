@@ -64,7 +64,6 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "T_motor": "s",
         "T_motor_up": "s",
         "T_motor_down": "s",
-        "T_thrust": "s",
         "delay": "s",
         "X_u": "1/s",
         "Y_v": "1/s",
@@ -575,7 +574,7 @@ def _of_air(model: IdentifiedModel, factors: Mapping[str, float], scale: float |
     of = _label(model)
     of_air = air_factors(model, full=factors.get("c_1"), scale=scale, length=factors.get("I_xx", 1.0))
     found = {name: _number(name, kept[name], of, of_air[name]) for name in AIR_UNITS if name in kept and name in of_air}
-    found |= {name: _number(name, kept[name], of) for name in ("T_thrust", *PLACE) if name in kept}
+    found |= {name: _number(name, kept[name], of) for name in PLACE if name in kept}
     if "J_r" in kept and "J_r" in of_air:
         found["h"] = _number("h", kept["J_r"], of, of_air["J_r"])
     if scale is not None:

@@ -14,7 +14,7 @@ Momentum theory (Glauert) gives the induced velocity, and with it the inflow :ma
 
     H_i = -(k_d \Omega_i + k_w w_i) (u_i, v_i)
 
-    F = \sum (H_i, -T_i) + d_z w |V| \hat z, \qquad
+    F = \sum (H_i, -T_i) - d_z V_z |V| \hat z, \qquad
     f = F / m + \dot\omega \times a + \omega \times (\omega \times a)
 
     M = \sum r_i \times (H_i, -T_i) + m_f \sum \Omega_i v_{ind} \frac{\hat z \times V_i}{|\lambda_i| + L_i}
@@ -39,10 +39,6 @@ curve gives, and the thrust at full speed stands for :math:`c_2` above (:func:`s
 .. math::
 
     \Omega^2 = \frac{c_0 + c_1 u + c_2 u^2}{c_0 + c_1 + c_2} \left(\frac{V}{V_0}\right)^2
-
-Thrust of all rotors together may follow their mean speed with a lag ``T_thrust`` (:func:`lagging_together`), which
-differences between rotors do not have. It is never fitted: 40 ms lower the error of fast flights of a racing quadrotor
-by a tenth, but faster motion shows no such lag, and it trades with the place of the accelerometer.
 
 ``c_2`` here is thrust without inflow. What ``physical.motors`` calls by that name is thrust in hover, where the induced
 velocity takes a quarter: :math:`c_2 - c_\lambda v_{ind} / \Omega` (:func:`hover_thrust`).
@@ -84,14 +80,11 @@ class FlightParameter(NamedTuple):
     scatter
         Usual share by which it differs between flights of one vehicle, or in its unit where ``absolute``; ``None``
         where experience is missing.
-    step
-        Place on the ladder: 0 is in every fit; higher ones enter only if they make unseen flights better.
     """
 
     unit: str
     about: str
     scatter: float | None = None
-    step: int = 0
     absolute: bool = False
 
 
@@ -102,29 +95,28 @@ FLIGHT_PARAMETERS: Mapping[str, FlightParameter] = {
     "c_2": FlightParameter("N s^2/rad^2", "thrust by speed squared, without inflow", 0.08),
     "c_lambda": FlightParameter("N s^2/(m rad)", "thrust lost to inflow", 0.20),
     "k_d": FlightParameter("N s^2/(m rad)", "rotor drag by speed and airspeed", 0.015),
-    "k_w": FlightParameter("N s^2/m^2", "rotor drag that grows with climb", None, 2),
-    "x_imu": FlightParameter("m", "accelerometer ahead of the center of gravity", 0.003, 0, True),
-    "y_imu": FlightParameter("m", "accelerometer right of the center of gravity", 0.003, 0, True),
-    "z_imu": FlightParameter("m", "accelerometer below the center of gravity", 0.003, 0, True),
-    "c_h": FlightParameter("N s^2/(m rad)", "thrust gained by edgewise flow", None, 2),
-    "c_hw": FlightParameter("N s^2/m^2", "thrust by edgewise flow and climb", None, 3),
-    "c_ha": FlightParameter("N s^2/m^2", "thrust by edgewise flow and the size of climb", None, 3),
-    "d_z": FlightParameter("N s^2/m^2", "body drag along its vertical axis", None, 3),
-    "c_wake": FlightParameter("N s^2/m^3", "thrust lost in the wake of rotors ahead", None, 4),
+    "k_w": FlightParameter("N s^2/m^2", "rotor drag that grows with climb"),
+    "x_imu": FlightParameter("m", "accelerometer ahead of the center of gravity", 0.003, absolute=True),
+    "y_imu": FlightParameter("m", "accelerometer right of the center of gravity", 0.003, absolute=True),
+    "z_imu": FlightParameter("m", "accelerometer below the center of gravity", 0.003, absolute=True),
+    "c_h": FlightParameter("N s^2/(m rad)", "thrust gained by edgewise flow"),
+    "c_hw": FlightParameter("N s^2/m^2", "thrust by edgewise flow and climb"),
+    "c_ha": FlightParameter("N s^2/m^2", "thrust by edgewise flow and the size of climb"),
+    "d_z": FlightParameter("N s^2/m^2", "body drag along its vertical axis"),
+    "c_wake": FlightParameter("N s^2/m^3", "thrust lost in the wake of rotors ahead"),
     "T_motor": FlightParameter("s", "motor lag", 0.07),
-    "T_thrust": FlightParameter("s", "lag of the rotors' common thrust behind their speeds", 0.2, 1),
     "I_xx": FlightParameter("kg m^2", "inertia of roll", 0.07),
     "I_yy": FlightParameter("kg m^2", "inertia of pitch", 0.07),
     "I_zz": FlightParameter("kg m^2", "inertia of yaw", 0.07),
     "kappa": FlightParameter("m", "torque by thrust", 0.12),
     "J_r": FlightParameter("kg m^2", "inertia of a rotor", 0.35),
-    "m_f": FlightParameter("N s^2/rad", "hub moment of uneven inflow, tilts back", 0.06, 1),
-    "m_fx": FlightParameter("N s^2/rad", "hub moment that forward flight adds to that of any direction", 0.25, 2),
-    "m_s": FlightParameter("N s^2/rad", "flapping to the side of the rotor's turn", None, 4),
-    "kappa_lambda": FlightParameter("N s^2/m", "torque by inflow squared", None, 4),
-    "k_r": FlightParameter("N m s^2/rad^2", "yaw damping by the speed of the rotors", None, 4),
-    "x_cg": FlightParameter("m", "center of gravity ahead of the rotors' center", 0.003, 2, True),
-    "y_cg": FlightParameter("m", "center of gravity right of the rotors' center", 0.003, 2, True),
+    "m_f": FlightParameter("N s^2/rad", "hub moment of uneven inflow, tilts back", 0.06),
+    "m_fx": FlightParameter("N s^2/rad", "hub moment that forward flight adds to that of any direction", 0.25),
+    "m_s": FlightParameter("N s^2/rad", "flapping to the side of the rotor's turn"),
+    "kappa_lambda": FlightParameter("N s^2/m", "torque by inflow squared"),
+    "k_r": FlightParameter("N m s^2/rad^2", "yaw damping by the speed of the rotors"),
+    "x_cg": FlightParameter("m", "center of gravity ahead of the rotors' center", 0.003, absolute=True),
+    "y_cg": FlightParameter("m", "center of gravity right of the rotors' center", 0.003, absolute=True),
 }
 """Names, units and usual scatter, in the order of tables.
 
@@ -386,29 +378,6 @@ def speeds_of_outputs(values: Mapping[str, float], outputs: FloatArray) -> Float
     return np.sqrt(np.maximum(curve / full_thrust(values), 0.0))
 
 
-def lagging_together(speeds: FloatArray, lag_s: float, sample_rate_hz: float) -> FloatArray:
-    """Speeds whose mean over the rotors lags, while differences between rotors do not.
-
-    Parameters
-    ----------
-    speeds
-        Shape ``(rotors, n)``; before the first sample they stood as there.
-    lag_s
-        ``T_thrust``.
-    sample_rate_hz
-        Of the samples.
-    """
-    if not lag_s > 0.0:
-        return speeds
-    from scipy.signal import lfilter
-
-    keep = float(np.exp(-1.0 / (lag_s * sample_rate_hz)))
-    mean = speeds.mean(axis=0)
-    # Speeds go from sample to sample in lines: the lag of a trapezoid.
-    lagged, _ = lfilter([0.5 * (1.0 - keep)] * 2, [1.0, -keep], mean, zi=[mean[0] * 0.5 * (1.0 + keep)])
-    return np.asarray(speeds + (lagged - mean), dtype=np.float64)
-
-
 def flight_loads(
     values: Mapping[str, float],
     airframe: Airframe,
@@ -444,15 +413,16 @@ def flight_loads(
     air = rotor_air(airframe, velocity, rates, inflow_thrust(values, airframe, speeds))
     values = {**values, "c_2": full_thrust(values)}
     names = tuple(name for name in (*FORCE_TERMS, *HUB_TERMS) if values.get(name, 0.0) != 0.0)
-    force, moment = np.zeros((3, speeds.shape[1])), np.zeros((3, speeds.shape[1]))
+    force, moment, up = np.zeros((3, speeds.shape[1])), np.zeros((3, speeds.shape[1])), np.zeros(speeds.shape[1])
     for name, column in flight_columns(names, airframe, speeds, air, velocity, rates).items():
         force += values[name] * column.force
         moment += values[name] * column.moment
+        if name in THRUST_TERMS:
+            up -= values[name] * column.force[2]
     spins = airframe.spins[:, None]
     moment[2] += values.get("kappa", 0.0) * (spins * values["c_2"] * speeds**2).sum(axis=0)
     if spin_up is not None:
         moment[2] += values.get("J_r", 0.0) * (spins * spin_up).sum(axis=0)
-    up = -force[2]
     moment[0] += values.get("y_cg", 0.0) * up
     moment[1] -= values.get("x_cg", 0.0) * up
     return Columns(force, moment)

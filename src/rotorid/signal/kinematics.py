@@ -19,7 +19,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import STANDARD_UNITS, Channel, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.frames import earth_to_body
+from rotorid.frames import earth_to_body, rates_from_attitude
 from rotorid.signal.skew import CrossSpectrum, Relation, coherent_lines, cross_spectrum, time_skew
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -523,14 +523,9 @@ def _expected_rates(history: TimeHistory) -> dict[str, _Expected]:
             for rate, angle in zip(RATES, ATTITUDE, strict=True)
             if angle in slopes
         }
-    phi, theta = history["phi"], history["theta"]
-    d_phi, d_theta, d_psi = slopes.values()
-    rates = {
-        "p": d_phi - d_psi * np.sin(theta),
-        "q": d_theta * np.cos(phi) + d_psi * np.cos(theta) * np.sin(phi),
-        "r": d_psi * np.cos(theta) * np.cos(phi) - d_theta * np.sin(phi),
-    }
-    return {name: _Expected(values=values, origin="attitude") for name, values in rates.items()}
+    angles = np.stack([history[name] for name in ATTITUDE])
+    rates = rates_from_attitude(angles, np.stack(list(slopes.values())))
+    return {name: _Expected(values=values, origin="attitude") for name, values in zip(RATES, rates, strict=True)}
 
 
 def _expected_forces(history: TimeHistory) -> dict[str, _Expected]:

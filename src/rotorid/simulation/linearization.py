@@ -54,6 +54,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.flight_plan import Entry
 from rotorid.data.record import AXES
 from rotorid.errors import ModelError
+from rotorid.frames import quaternion_from_euler
 from rotorid.models.state_space import StateSpace
 from rotorid.models.thrust_curve import ExpoCurve
 from rotorid.simulation.autopilot import Autopilot
@@ -112,7 +113,7 @@ class Trim(Immutable):
     @property
     def quaternion(self) -> FloatArray:
         """From body to earth: w, x, y, z."""
-        return np.asarray(_quaternion(self.angles_rad).real)
+        return np.asarray(quaternion_from_euler(self.angles_rad))
 
 
 def trimmed(vehicle: Multirotor, airspeed_m_s: float, aside_m_s: float = 0.0) -> Trim:
@@ -362,7 +363,7 @@ def _rates(point: ComplexArray, body: Body) -> ComplexArray:
     velocity, rates, angles = point[:3], point[3:6], point[6:9]
     speeds, outputs = np.split(point[9:], 2)
     turn = _to_earth(angles)
-    state = np.concatenate([np.zeros(3), turn @ velocity, _quaternion(angles), rates, speeds])
+    state = np.concatenate([np.zeros(3), turn @ velocity, quaternion_from_euler(angles), rates, speeds])
     out = np.zeros(STATES + rotors + 3, dtype=np.complex128)
     cast(Any, derivative).py_func(state, outputs, np.zeros(3), 1.0, body, out)
     phi, theta = angles[0], angles[1]
@@ -383,19 +384,6 @@ def _to_earth(angles: AnyArray) -> ComplexArray:
             [ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp],
             [ct * sp, sf * st * sp + cf * cp, cf * st * sp - sf * cp],
             [-st, sf * ct, cf * ct],
-        ]
-    )
-
-
-def _quaternion(angles: AnyArray) -> ComplexArray:
-    """From body to earth, analytic in the angles."""
-    (cf, ct, cp), (sf, st, sp) = np.cos(0.5 * angles), np.sin(0.5 * angles)
-    return np.array(
-        [
-            cf * ct * cp + sf * st * sp,
-            sf * ct * cp - cf * st * sp,
-            cf * st * cp + sf * ct * sp,
-            cf * ct * sp - sf * st * cp,
         ]
     )
 

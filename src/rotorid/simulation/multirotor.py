@@ -44,7 +44,7 @@ from numpy.typing import ArrayLike
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
-from rotorid.models.flight import AIR_DENSITY_KG_M3
+from rotorid.models.flight import AIR_DENSITY_KG_M3, CURVE_TERMS, speeds_of_outputs
 from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -196,9 +196,7 @@ class Rotors(Immutable):
         """Shares of the full speed by lagged outputs: with a flow, what the square of is thrust; else the outputs."""
         if self.flow is None:
             return outputs
-        c_0, c_1, c_2 = self.thrust
-        thrust_n = c_0 + outputs * (c_1 + outputs * c_2)
-        return np.asarray(np.sqrt(np.maximum(thrust_n, 0.0) / self.thrust_at(1.0)))
+        return speeds_of_outputs(dict(zip(CURVE_TERMS, self.thrust, strict=True)), outputs)
 
     def share_of(self, thrust_n: float) -> float:
         """Speed that makes a thrust where thrust rises with speed, as a share of the largest.

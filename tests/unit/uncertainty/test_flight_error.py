@@ -12,7 +12,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
 
-CHOICES = FlightChoices(values={"I_zz": TRUTH["I_zz"], "T_thrust": 0.0}, wind=False, terms=("m_f",), cutoff_hz=90.0)
+CHOICES = FlightChoices(values={"I_zz": TRUTH["I_zz"]}, wind=False, terms=("m_f",), cutoff_hz=90.0)
 
 
 @pytest.fixture(scope="module")

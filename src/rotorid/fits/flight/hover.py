@@ -174,8 +174,7 @@ def hover_structure(
         \delta F_i = (2 c_2 \Omega_h - c_\lambda v_h) \frac{d\Omega}{du} \, \delta u_i, \qquad
         \dot w = Z_w w - \tfrac{1}{m} \sum \delta F_i, \qquad Z_w = -\tfrac{n}{2 m} c_\lambda \Omega_h
 
-    with the speed and induced velocity of hover; climb takes half of its speed from the induced velocity. The common
-    thrust lags by ``T_thrust``, differences between rotors do not.
+    with the speed and induced velocity of hover; climb takes half of its speed from the induced velocity.
 
     Parameters
     ----------
@@ -189,7 +188,7 @@ def hover_structure(
         Rates whose inertia is known.
     """
     names, motors = parameters.names, range(1, layout.rotors + 1)
-    lag, together = "T_motor" in names, "T_thrust" in names
+    lag = "T_motor" in names
     speeds = [f"x_{i}" if lag else f"motor_{i}" for i in motors]
     equations = [f"T_motor*x_{i}' = -x_{i} + motor_{i}" for i in motors] if lag else []
     arms, torque = layout.moment_arms, layout.torque_axes
@@ -205,10 +204,9 @@ def hover_structure(
         )
         equations.append(f"{axis}'{spin_up} = {axis}_thrust*({terms})")
     total = " + ".join(speeds)
-    equations += [f"T_thrust*x_all' = -x_all + {total}"] if together else []
     inflow = "c_lambda" in names
-    equations.append(f"w' = {'Z_w*w ' if inflow else ''}- az_thrust*({'x_all' if together else total})")
-    states = [*(speeds if lag else []), *axes, *(["x_all"] if together else []), "w"]
+    equations.append(f"w' = {'Z_w*w ' if inflow else ''}- az_thrust*({total})")
+    states = [*(speeds if lag else []), *axes, "w"]
     lines = [
         'schema = "rotorid.model/1"',
         'name = "physical.flight"',
@@ -230,7 +228,7 @@ def hover_structure(
 
 def _tables(parameters: ParameterSet, axes: Sequence[str], rotors: int) -> list[str]:
     names = parameters.names
-    used = {"m", "c_0", "c_1", "c_2", "c_lambda", "T_motor", "T_thrust"}
+    used = {"m", "c_0", "c_1", "c_2", "c_lambda", "T_motor"}
     used |= {name for axis in axes for name in _MOMENTS[axis].removeprefix("1/").split("/")}
     used |= {"J_r"} if "r" in axes and "T_motor" in names else set()
     lines: list[str] = []

@@ -19,7 +19,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.frames import body_to_earth, earth_to_body
-from rotorid.models.flight import lagging_together, speeds_of_outputs
+from rotorid.models.flight import speeds_of_outputs
 from rotorid.signal.kinematics import derivative
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -105,19 +105,17 @@ def rotor_speeds(record: MotorRecord, values: Mapping[str, float] | None = None,
     record
         With speeds (``lines``) or outputs (``held``).
     values
-        For ``T_motor`` and the curve, which outputs need, and ``T_thrust``.
+        For ``T_motor`` and the curve, which outputs need.
     skew_s
         How much earlier the stamps of the motors are than those of the gyros.
     """
     values = values or {}
     step = 1.0 / record.sample_rate_hz
     if record.between == "lines":
-        speeds = measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
-    else:
-        lag_s = max(values.get("T_motor", 0.0), _NO_LAG_S)
-        lagged = motor_speed(record.outputs, lag_s=lag_s, delay_s=skew_s, step_s=step).level
-        speeds = speeds_of_outputs(values, lagged) * np.sqrt(record.strength)
-    return lagging_together(speeds, values.get("T_thrust", 0.0), record.sample_rate_hz)
+        return measured_speed(record.outputs, delay_s=skew_s, step_s=step).level if skew_s else record.outputs
+    lag_s = max(values.get("T_motor", 0.0), _NO_LAG_S)
+    lagged = motor_speed(record.outputs, lag_s=lag_s, delay_s=skew_s, step_s=step).level
+    return speeds_of_outputs(values, lagged) * np.sqrt(record.strength)
 
 
 def motion(
