@@ -36,7 +36,7 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.fitting.flight.ladder import wind_of
 from rotorid.fitting.flight.moment import center_of
-from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds
+from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds, velocity_class
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, excitations, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flights import Flight
@@ -164,6 +164,7 @@ class FlightPredictor(Immutable):
             stretches = self._stretches(data)
             checks = [self._verification(stretch) for stretch in stretches]
             said = [found for pair in zip(stretches, checks, strict=True) for found in _remarks(*pair)]
+            said += [found for stretch in stretches for found in self._velocity_remarks(stretch.flight)]
             return Predictions(
                 found=Verifications(maneuvers=tuple(checks), findings=(*data.findings, *said)),
                 flights=tuple(Flight(record, stretch.flight.maneuver) for stretch in stretches),
@@ -245,14 +246,28 @@ class FlightPredictor(Immutable):
 
     def _velocity(self, record: MotorRecord) -> VelocityClass:
         """How the velocity of a log is had: as in the fit, or as well as this log allows."""
-        order: tuple[VelocityClass, ...] = ("measured", "attitude", "none")
-        has = [bool(record.velocity.size), bool(record.attitude.size), True]
-        return next(kind for kind in order[order.index(self.velocity) :] if has[order.index(kind)])
+        return velocity_class([record], self.velocity)
+
+    def _velocity_remarks(self, flight: MotorFlight) -> list[Finding]:
+        """That a log lacks the velocity which the fitted flights had."""
+        kind = self._velocity(flight.record)
+        if kind == self.velocity:
+            return []
+        where = _where(flight)
+        if kind == "attitude":
+            message = f"{where} has no velocity: it was integrated from attitude and accelerometer."
+            return [remark("velocity_from_attitude", where, message)]
+        message = (
+            f"{where} has neither velocity nor attitude: force and moment are compared as if it had hovered, and "
+            "airspeed with no range. Log the attitude."
+        )
+        return [warn("velocity_from_attitude", where, message)]
 
     def _outside(self, stretch: _Stretch) -> tuple[float | None, dict[str, float]]:
         if self.tested is None:
             return None, {}
-        return percents([outside_range(self.tested, stretch.flight.record, stretch.driven)])
+        known = self._velocity(stretch.flight.record) != "none"
+        return percents([outside_range(self.tested, stretch.flight.record, stretch.driven, velocity_known=known)])
 
     def _verification(self, stretch: _Stretch) -> Verification:
         record = stretch.flight.record
@@ -421,7 +436,7 @@ def _compared(check: Verification) -> FixedParameterScores:
 
 def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
     """Findings on a stretch: it leaves the identified range, or an axis is predicted poorly."""
-    where = f"{check.record} at {stretch.flight.record.start_s:.1f} s"
+    where = _where(stretch.flight)
     judged = check.flight
     beyond = _beyond(stretch.flight, (judged.outside_percent, dict(judged.outside))) if judged else []
     return [
@@ -445,9 +460,12 @@ _RANGES = {"airspeed": "airspeed", "climb": "climb rate", "load": "load factor",
 
 def _beyond(flight: MotorFlight, outside: tuple[float | None, dict[str, float]]) -> list[Finding]:
     share, each = outside
-    return (
-        [] if share is None else range_findings(f"{flight.record.name} at {flight.record.start_s:.1f} s", share, each)
-    )
+    return [] if share is None else range_findings(_where(flight), share, each)
+
+
+def _where(flight: MotorFlight) -> str:
+    """A stretch as findings name it."""
+    return f"{flight.record.name} at {flight.record.start_s:.1f} s"
 
 
 def range_findings(where: str, share: float, each: Mapping[str, float]) -> list[Finding]:

@@ -38,6 +38,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorData, motor_data, rotors_of
 from rotorid.flights.selection import Selection, require_reached
 from rotorid.models.families import MOTORS
+from rotorid.models.flight import INERTIA
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.rotors import RotorLayout
 from rotorid.results.model import IdentifiedModel, Verifications
@@ -47,7 +48,7 @@ from rotorid.settings.motors import MotorSettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores
-from rotorid.verification.flight import BODY, INERTIAS, FlightJudgement, load_errors, percents
+from rotorid.verification.flight import BODY, FlightJudgement, load_errors, percents
 from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Verification
 
@@ -208,7 +209,7 @@ class MotorPredictor(Immutable):
     def _judged(self, moved: Motion) -> FlightJudgement:
         """Errors in N and N m where the mass is known, and the time at outputs that no fitted flight had."""
         values = self.parameters.values if self.scaled else {}
-        sizes = {"az": values.get("m"), **{f"{axis}_dot": values.get(name) for axis, name in INERTIAS.items()}}
+        sizes = {"az": values.get("m"), **{f"{axis}_dot": values.get(name) for axis, name in INERTIA.items()}}
         missed = {
             name: size * (measured - modeled)
             for name, (measured, modeled) in moved.rows.items()
@@ -220,7 +221,7 @@ class MotorPredictor(Immutable):
             outputs = moved.flight.record.outputs
             beyond = (outputs < self.tested[0]) | (outputs > self.tested[1])
             outside_percent, outside = percents([{"motors": np.asarray(beyond.any(axis=0))}])
-        turned = dict(zip((f"{axis}_dot" for axis in INERTIAS), BODY, strict=True))
+        turned = dict(zip((f"{axis}_dot" for axis in INERTIA), BODY, strict=True))
         return FlightJudgement(
             samples=next(iter(moved.rows.values()))[0].size,
             errors=load_errors(

@@ -26,7 +26,7 @@ from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord, places
 from rotorid.errors import InsufficientDataError, ModelError, nearest_name
-from rotorid.fitting.flight.motion import VELOCITY_CLASSES, VelocityClass, velocity_class
+from rotorid.fitting.flight.motion import VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.motor_data import Channels, MotorData, Reading, Stretches, given_stretches, motor_data
 from rotorid.flights.motor_stamps import motor_skew
@@ -128,7 +128,7 @@ class FlightMotion(NamedTuple):
     @property
     def velocity(self) -> VelocityClass:
         """How the velocity over ground can be had in all stretches."""
-        return max(map(velocity_class, self.records), key=VELOCITY_CLASSES.index)
+        return velocity_class(self.records)
 
     @property
     def sources(self) -> Mapping[str, str]:

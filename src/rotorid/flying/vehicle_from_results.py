@@ -553,6 +553,11 @@ def _of_motors(
         # Of kappa and I_zz only the one that was held is a measurement, the other follows below.
         if known_factor and (power != 0.0 or kept[name].status == "fixed"):
             found[name] = _number(name, kept[name], of, factors[name] * (scale or 1.0) ** power)
+    neither_held = {kept[name].status for name in ("kappa", "I_zz") if name in kept} == {"free"}
+    if model.flight is not None and neither_held and scale is not None and "I_xx" in factors:
+        # The result assumes a flat vehicle.
+        flat = _number("I_zz", kept["I_zz"], of, factors["I_xx"] * scale)
+        found["I_zz"] = replace(flat, source="default", of="a flat vehicle, as nobody gave I_zz")
     found |= {name: _number(name, kept[name], of) for name in _OF_MOTORS if name in kept}
     if "h_per_I_zz" in kept and "h_per_I_zz" in factors:
         found["h_per_I_zz"] = _number("h_per_I_zz", kept["h_per_I_zz"], of, factors["h_per_I_zz"])

@@ -18,6 +18,7 @@ from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.identifying.motors import straightening_of
+from rotorid.models.flight import INERTIA
 from rotorid.models.motors import CURVE_TERMS
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
@@ -240,13 +241,10 @@ def _curve(fitted: FittedFlight) -> str:
     return next((curve for curve, names in CURVE_TERMS.items() if set(names) == terms), "polynomial")
 
 
-_BANDS = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
-
-
 def _excited(fitted: FittedFlight, number: int) -> ExcitedFlight:
     """Which axes the motors explain, and where; those of all flights together."""
     record, octaves = fitted.data.records[number], fitted.fit.octaves
-    own = {axis: [octave for octave in octaves if octave.axis == axis] for axis in _BANDS}
+    own = {axis: [octave for octave in octaves if octave.axis == axis] for axis in INERTIA}
     fits = {axis: [octave for octave in found if octave.kept] for axis, found in own.items()}
     return ExcitedFlight(
         record=record.name,
@@ -254,7 +252,7 @@ def _excited(fitted: FittedFlight, number: int) -> ExcitedFlight:
         stop_s=float(record.time_s[-1]),
         sample_rate_hz=record.sample_rate_hz,
         correlation={axis: max(octave.correlation for octave in found) for axis, found in own.items() if found},
-        counted=("az", *(axis for axis in _BANDS if fits[axis])),
+        counted=("az", *(axis for axis in INERTIA if fits[axis])),
         band_hz={
             axis: (min(octave.low_hz for octave in found), max(octave.high_hz for octave in found))
             for axis, found in fits.items()

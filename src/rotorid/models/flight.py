@@ -123,6 +123,9 @@ FLIGHT_PARAMETERS: Mapping[str, FlightParameter] = {
 ``I_zz``, ``kappa`` and ``J_r`` are known only together: one of ``kappa`` and ``I_zz`` has to be given, as for
 ``physical.motors``."""
 
+INERTIA: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
+"""Rate to the moment of inertia about its axis."""
+
 THRUST_TERMS = ("c_2", "c_lambda", "c_h", "c_hw", "c_ha", "c_wake")
 SIDE_TERMS = ("k_d", "k_w")
 FORCE_TERMS = (*THRUST_TERMS, *SIDE_TERMS, "d_z")

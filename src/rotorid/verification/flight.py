@@ -27,13 +27,10 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightRange, predicted_force
 from rotorid.fitting.flight.moment import moment_error
 from rotorid.fitting.flight.motion import Motion
-from rotorid.models.flight import Airframe, flight_loads
+from rotorid.models.flight import INERTIA, Airframe
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.verification.multistep import StepErrors, pooled
-
-INERTIAS: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
-"""Rate to the inertia that its moment needs."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,18 +83,11 @@ def flight_loads_of(
         Of the low-pass that stands for an unknown filter of the accelerometer.
     """
     force = predicted_force(values, airframe, record, driven, cutoff_hz)
-    axes = tuple(axis for axis, inertia in INERTIAS.items() if values.get(inertia, 0.0) > 0.0)
-    rows = [list(INERTIAS).index(axis) for axis in axes]
-    inertia = np.array([values.get(name, 0.0) for name in INERTIAS.values()])[:, None]
-    moment = flight_loads(
-        values,
-        airframe,
-        speeds=driven.speeds,
-        velocity=driven.velocity,
-        rates=driven.rates,
-        spin_up=driven.spin_up,
-    ).moment
-    if len(axes) == len(INERTIAS):
+    axes = tuple(axis for axis, inertia in INERTIA.items() if values.get(inertia, 0.0) > 0.0)
+    rows = [list(INERTIA).index(axis) for axis in axes]
+    inertia = np.array([values.get(name, 0.0) for name in INERTIA.values()])[:, None]
+    moment = driven.loads(values, airframe).moment
+    if len(axes) == len(INERTIA):
         moment = moment - np.cross(driven.rates, inertia * driven.rates, axis=0)
     return FlightLoads(
         measured_force=airframe.mass_kg * record.force,
@@ -163,7 +153,7 @@ def differences(parts: list[FlightLoads]) -> tuple[dict[str, FloatArray], dict[s
     """Errors of force and moment of several stretches, one after another, axis to row."""
     force = np.concatenate([part.measured_force - part.modeled_force for part in parts], axis=1)
     moment = np.concatenate([part.missed_moment for part in parts], axis=1)
-    turned = dict(zip(INERTIAS, BODY, strict=True))
+    turned = dict(zip(INERTIA, BODY, strict=True))
     return dict(zip(BODY, force, strict=True)), {
         turned[axis]: row for axis, row in zip(parts[0].axes, moment, strict=True)
     }
@@ -174,10 +164,16 @@ USUAL_OUTSIDE_PERCENT = 10.0
 range was left out, of each of four rotors."""
 
 
-def outside_range(tested: FlightRange, record: MotorRecord, driven: Motion) -> dict[str, BoolArray]:
-    """When a flight is outside of what was identified, see :func:`outside`."""
+def outside_range(
+    tested: FlightRange, record: MotorRecord, driven: Motion, *, velocity_known: bool = True
+) -> dict[str, BoolArray]:
+    """When a flight is outside of what was identified, see :func:`outside`; of airspeed only where that is known."""
     load = -record.force[2] / STANDARD_GRAVITY_M_S2
-    return outside(tested, velocity=driven.velocity, speeds=driven.speeds, load=load)
+    found = outside(tested, velocity=driven.velocity, speeds=driven.speeds, load=load)
+    return {name: row for name, row in found.items() if velocity_known or name not in _BY_VELOCITY}
+
+
+_BY_VELOCITY = ("airspeed", "climb")
 
 
 def outside(tested: FlightRange, *, velocity: FloatArray, speeds: FloatArray, load: FloatArray) -> dict[str, BoolArray]:
@@ -289,6 +285,10 @@ def together(judged: Sequence[FlightJudgement]) -> FlightJudgement:
             },
         ),
         outside_percent=mean([part.outside_percent for part in judged]),
-        outside={name: mean([part.outside.get(name) for part in judged]) or 0.0 for name in judged[0].outside},
+        outside={
+            name: share
+            for name in judged[0].outside
+            if (share := mean([part.outside.get(name) for part in judged])) is not None
+        },
         ahead=pooled(alike) if alike else None,
     )

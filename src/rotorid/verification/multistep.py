@@ -29,7 +29,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.frames import quaternion_from_euler
-from rotorid.models.flight import Airframe, flight_loads
+from rotorid.models.flight import INERTIA, Airframe, flight_loads
 from rotorid.typing import FloatArray, IntArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -37,7 +37,6 @@ QUANTITIES: Mapping[str, str] = {"position": "m", "velocity": "m/s", "attitude":
 """What is predicted, and its unit."""
 
 _MOST_STARTS = 1000
-_INERTIAS = ("I_xx", "I_yy", "I_zz")
 
 
 class FlightState(NamedTuple):
@@ -287,7 +286,7 @@ class _Body:
     def __init__(self, values: Mapping[str, float], airframe: Airframe, wind: FloatArray) -> None:
         self.values, self.airframe = values, airframe
         self.wind = np.array([wind[0], wind[1], 0.0])[:, None]
-        known = [values.get(name) for name in _INERTIAS]
+        known = [values.get(name) for name in INERTIA.values()]
         if any(value is not None and not value > 0.0 for value in known):
             raise ModelError("an inertia is not positive")
         self.inertia = np.array([value or 0.0 for value in known])[:, None]

@@ -184,9 +184,13 @@ def test_a_log_without_attitude_is_not_flown(flown: FlightTwin) -> None:
     )
     with pytest.raises(InsufficientDataError, match="attitude"):
         predictor(flown).simulations(blind, FlySettings())
-    (check,) = predictor(flown).predict([blind], VerifySettings()).found.maneuvers
+    found = predictor(flown).predict([blind], VerifySettings()).found
+    (check,) = found.maneuvers
     assert check.flight is not None
     assert check.flight.ahead is None
+    # What is not known lies in no range, and is said.
+    assert set(check.flight.outside) == {"motors", "load"}
+    assert "velocity_from_attitude" in [finding.kind for finding in found.findings]
 
 
 def test_a_result_that_lacks_its_air_is_refused() -> None:

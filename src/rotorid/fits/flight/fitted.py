@@ -21,7 +21,7 @@ from rotorid.fitting.flight.motion import motion
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion
 from rotorid.flights.motor_data import MotorFlight
-from rotorid.models.flight import FLIGHT_PARAMETERS
+from rotorid.models.flight import CURVE_TERMS, FLIGHT_PARAMETERS, full_thrust
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import SimulatedRecord
@@ -32,6 +32,16 @@ from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.flight_error import usual_scatter
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores
+
+_ASSUMED_SHARE = 0.5
+"""Standard deviation of a usual number that is assumed, as a share of it: what inflow takes, and the lag of motors."""
+
+_FLATNESS_SHARE = 0.12
+"""The same of the inertia of yaw where that of a flat vehicle is assumed: eight of ten vehicles have 0.83 to 1 of it,
+two have 0.6."""
+
+_OF_YAW = ("I_zz", "kappa", "J_r")
+"""Numbers that are in proportion to the inertia of yaw."""
 
 _MOVED_M_S2 = 0.5
 """Standard deviation of a slow specific force from which a flight shows what the model makes of it."""
@@ -87,6 +97,11 @@ class FittedFlight(Immutable):
     def listed(self) -> ParameterSet:
         """All parameters."""
         return self.parameters
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Numbers that no flight shows and nobody gave."""
+        return _assumed(self.fit, self.parameters, by_tilt=self.by_tilt is not None)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -159,7 +174,9 @@ def fitted_parameters(
     data: FlightMotion, fit: FlightFit, known: Mapping[str, float], *, by_tilt: bool = False
 ) -> ParameterSet:
     """The values of a fit with units and status, in the order of tables."""
-    free = {*fit.free, *(("k_d",) if by_tilt else ())}
+    usual = {name for name in fit.missing if name in fit.values and name not in known}
+    flat = () if fit.moments is None else fit.moments.assumed
+    free = {*fit.free, *usual, *flat, *(("k_d",) if by_tilt else ())}
     units = flight_units(scaled=data.given.scaled, speeds=data.kind == "speed")
     values = {**known, **fit.values, "m": data.given.airframe.mass_kg}
     if not {"kappa", "I_zz"} <= set(values):
@@ -197,10 +214,36 @@ def fitted_bounds(fit: FlightFit, parameters: ParameterSet, by_tilt: Quantity | 
         here, there = ([of.index(name) for name in own] for of in (names, fit.errors.names))
         covariance[np.ix_(here, here)] = fit.errors.covariance[np.ix_(there, there)]
         random[np.ix_(here, here)] = fit.errors.random[np.ix_(there, there)]
+    for name in _assumed(fit, parameters, by_tilt=by_tilt is not None):
+        moved = _moved_with(name, fit)
+        spread = np.array([moved.get(other, 0.0) for other in names])
+        row = names.index(name)
+        covariance[row, row] = 0.0
+        covariance += np.outer(spread, spread)
+        random[row, row] = spread[row] ** 2
     if by_tilt is not None:
         row = names.index("k_d")
         covariance[row, row] = random[row, row] = by_tilt.std**2
     return bounds_of_covariance(names, covariance, random)
+
+
+def _assumed(fit: FlightFit, parameters: ParameterSet, *, by_tilt: bool) -> tuple[str, ...]:
+    """Numbers with an error that come from neither the fit nor the tilt."""
+    found = {*fit.free, *(("k_d",) if by_tilt else ())}
+    return tuple(name for name in parameters.free if name not in found)
+
+
+def _moved_with(name: str, fit: FlightFit) -> dict[str, float]:
+    """One standard deviation of an assumed number, and by how much others move with it."""
+    values = fit.values
+    if name == "I_zz":
+        return {other: _FLATNESS_SHARE * values[other] for other in _OF_YAW if other in values}
+    moved = {name: _ASSUMED_SHARE * values[name]}
+    if name == "c_lambda":
+        # Thrust in hover was measured: thrust without inflow makes up for what inflow takes.
+        share = moved[name] * fit.hover.induced_m_s / fit.hover.speed / full_thrust(values)
+        moved |= {term: share * values[term] for term in CURVE_TERMS if term in values}
+    return moved
 
 
 def bounds_of_covariance(names: tuple[str, ...], covariance: FloatArray, random: FloatArray) -> Bounds:

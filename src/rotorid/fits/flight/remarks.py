@@ -14,7 +14,7 @@ from rotorid.fits.flight.fit import mean_force_findings
 from rotorid.fits.flight.fitted import FittedFlight
 from rotorid.fits.motors.remarks import scale_finding, unused_choices
 from rotorid.flights.flight_faults import wind_or_bias
-from rotorid.models.flight import FLIGHT_PARAMETERS
+from rotorid.models.flight import FLIGHT_PARAMETERS, INERTIA
 from rotorid.models.physical import check_inertia
 from rotorid.settings.motors import MotorSettings
 
@@ -178,6 +178,14 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
 
 
 def _yaw(identified: FittedFlight, known: Mapping[str, float]) -> Iterator[Finding]:
+    if "I_zz" in identified.assumed and "kappa" in identified.parameters.names:
+        yield remark(
+            "not_identifiable",
+            "kappa, I_zz",
+            "Yaw determines only kappa over I_zz. I_zz was assumed as that of a flat vehicle, I_xx + I_yy; kappa and "
+            "J_r are in proportion. Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE.",
+        )
+        return
     if "r" in _silent(identified) or {"kappa", "I_zz"} & {*known, *identified.parameters.names}:
         return
     if not any(octave.axis == "r" for octave in identified.fit.octaves):
@@ -196,14 +204,11 @@ def _unused(identified: FittedFlight, known: Mapping[str, float]) -> Iterator[Fi
     yield from unused_choices(rest, identified.parameters.names)
 
 
-_INERTIA = ("I_xx", "I_yy", "I_zz")
-
-
 def _physics(identified: FittedFlight) -> Iterator[Finding]:
     yield from mean_force_findings(identified)
     values = identified.parameters.values
-    if set(_INERTIA) <= set(values):
-        yield from check_inertia(*(values[name] for name in _INERTIA))
+    if set(INERTIA.values()) <= set(values):
+        yield from check_inertia(*(values[name] for name in INERTIA.values()))
 
 
 def _scatter(identified: FittedFlight) -> Iterator[Finding]:
@@ -213,7 +218,10 @@ def _scatter(identified: FittedFlight) -> Iterator[Finding]:
     shares = ", ".join(
         f"{name} {100.0 * parameter.scatter:.3g} %"
         for name, parameter in FLIGHT_PARAMETERS.items()
-        if name in identified.bounds.names and parameter.scatter is not None and not parameter.absolute
+        if name in identified.bounds.names
+        and name not in identified.assumed
+        and parameter.scatter is not None
+        and not parameter.absolute
     )
     yield remark(
         "assumed_scatter",

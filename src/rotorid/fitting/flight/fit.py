@@ -24,7 +24,6 @@ from rotorid.models.flight import (
     Airframe,
     HoverThrust,
     felt,
-    flight_loads,
     hover_thrust,
 )
 from rotorid.typing import FloatArray
@@ -238,7 +237,7 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     given = choices or FlightChoices()
     lag = _lag(records, airframe, given)
     choices = _with_lag(given, lag)
-    kind = choices.velocity or _least(records)
+    kind = choices.velocity or velocity_class(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     turned = all(record.attitude.shape[1] for record in records)
     wind = (choices.wind is None or choices.wind) and kind == "measured" and turned
@@ -348,14 +347,7 @@ def predicted_force(
     cutoff_hz
         Of :attr:`FlightFit.cutoff_hz`.
     """
-    loads = flight_loads(
-        values,
-        airframe,
-        speeds=driven.speeds,
-        velocity=driven.velocity,
-        rates=driven.rates,
-    )
-    force = felt(loads, values, airframe.mass_kg, driven.rates, driven.acceleration)
+    force = felt(driven.loads(values, airframe), values, airframe.mass_kg, driven.rates, driven.acceleration)
     return through_sensor(force, record, cutoff_hz)
 
 
@@ -385,10 +377,3 @@ def _check(records: Sequence[MotorRecord], airframe: Airframe) -> None:
             )
         if not record.force.shape[1]:
             raise InsufficientDataError(f"{record.name} has no specific force", needed="three accelerometers")
-
-
-def _least(records: Sequence[MotorRecord]) -> VelocityClass:
-    """The best way to have the velocity that all records allow."""
-    kinds = {velocity_class(record) for record in records}
-    order: tuple[VelocityClass, ...] = ("none", "attitude", "measured")
-    return next(kind for kind in order if kind in kinds)

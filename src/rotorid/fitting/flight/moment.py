@@ -36,11 +36,11 @@ from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.flight import (
     FLIGHT_PARAMETERS,
     HUB_TERMS,
+    INERTIA,
     SIDE_TERMS,
     Air,
     Airframe,
     flight_columns,
-    flight_loads,
     full_thrust,
     hover_thrust,
     inflow_thrust,
@@ -49,9 +49,6 @@ from rotorid.models.flight import (
 )
 from rotorid.models.motors import SPIN_UP, Curve, motor_parameters
 from rotorid.typing import FloatArray
-
-INERTIA: Mapping[str, str] = {"p": "I_xx", "q": "I_yy", "r": "I_zz"}
-"""Axis to its moment of inertia."""
 
 AIR_TERMS = (*HUB_TERMS, "x_cg", "y_cg")
 """Moments that motors and inertia leave."""
@@ -272,7 +269,9 @@ def fit_moments(
     ]
     missing = {INERTIA[axis]: _why_not(axis, table) for axis in "pq" if INERTIA[axis] not in values}
     if "kappa" not in values:
-        missing["kappa"] = _why_not("r", table)
+        # Yaw that motors explain gives the ratio to an inertia that follows from roll and pitch.
+        unknown_inertia = shown.get("kappa_per_I_zz", 0.0) > 0.0
+        missing["kappa"] = "I_zz is not known" if unknown_inertia else _why_not("r", table)
     air: dict[str, float] = {}
     ladder: tuple[MomentRung, ...] = ()
     rows = [
@@ -339,24 +338,13 @@ def moment_error(
     predictor
         Of :attr:`MomentFit.predictor`, which then stands for moments of the air and scales those of motors.
     """
-
-    def moment_of(chosen: Mapping[str, float]) -> FloatArray:
-        return flight_loads(
-            chosen,
-            airframe,
-            speeds=driven.speeds,
-            velocity=driven.velocity,
-            rates=driven.rates,
-            spin_up=driven.spin_up,
-        ).moment
-
     if predictor:
         motors = {name: value for name, value in values.items() if name not in AIR_TERMS}
         freed = {name: value for name, value in predictor.items() if name not in GAINS}
         gains = np.array([predictor.get(name, 1.0) for name in GAINS])[:, None]
-        made = moment_of(motors | freed) + (gains - 1.0) * moment_of(motors)
+        made = driven.loads(motors | freed, airframe).moment + (gains - 1.0) * driven.loads(motors, airframe).moment
     else:
-        made = moment_of(values)
+        made = driven.loads(values, airframe).moment
     turned = _matrix(values)
     rate_hz = record.sample_rate_hz
     moment, coupled, acceleration = _compared(
@@ -414,9 +402,10 @@ def _matrix(values: Mapping[str, float]) -> FloatArray:
 
 
 def _gyroscopic(inertia: FloatArray, rates: FloatArray) -> FloatArray:
-    r""":math:`\omega \times I \omega`, without what is not known."""
-    turned = np.nan_to_num(inertia)[:, None] * rates
-    return np.cross(rates, turned, axis=0)
+    r""":math:`\omega \times I \omega`, of a flat vehicle where that of yaw is not known, else without what is not."""
+    I_xx, I_yy, I_zz = inertia
+    turned = np.array([I_xx, I_yy, I_xx + I_yy if np.isnan(I_zz) else I_zz])[:, None] * rates
+    return np.nan_to_num(np.cross(rates, turned, axis=0))
 
 
 def _late(rows: FloatArray, samples: float) -> FloatArray:

@@ -10,7 +10,7 @@ A velocity that stays the same for much longer than that is lost, and with it th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -19,13 +19,13 @@ from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.speed import measured_speed, motor_speed
 from rotorid.frames import body_to_earth, earth_to_body
-from rotorid.models.flight import speeds_of_outputs
+from rotorid.models.flight import Airframe, Columns, flight_loads, speeds_of_outputs
 from rotorid.signal.kinematics import derivative
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 VelocityClass: TypeAlias = Literal["measured", "attitude", "none"]
-"""Where the velocity comes from: the log, the attitude and the accelerometer, or nowhere."""
+"""Where the velocity comes from, the best first: the log, the attitude and the accelerometer, or nowhere."""
 
 VELOCITY_CLASSES: tuple[VelocityClass, ...] = get_args(VelocityClass)
 
@@ -54,12 +54,27 @@ class Motion(NamedTuple):
     acceleration: FloatArray
     spin_up: FloatArray
 
+    def loads(self, values: Mapping[str, float], airframe: Airframe) -> Columns:
+        """Force and moment that the model makes of it, see :func:`rotorid.models.flight.flight_loads`."""
+        return flight_loads(
+            values, airframe, speeds=self.speeds, velocity=self.velocity, rates=self.rates, spin_up=self.spin_up
+        )
 
-def velocity_class(record: MotorRecord) -> VelocityClass:
-    """How the velocity of a record is had: the best way that it allows."""
-    if record.velocity.shape[1]:
-        return "measured"
-    return "attitude" if record.attitude.shape[1] else "none"
+
+def velocity_class(records: Sequence[MotorRecord], best: VelocityClass = "measured") -> VelocityClass:
+    """How the velocity is had: the best way that all records allow.
+
+    Parameters
+    ----------
+    best
+        What a fit had: nothing better counts.
+    """
+    allowed = {
+        "measured": all(record.velocity.shape[1] for record in records),
+        "attitude": all(record.attitude.shape[1] for record in records),
+        "none": True,
+    }
+    return next(kind for kind in VELOCITY_CLASSES[VELOCITY_CLASSES.index(best) :] if allowed[kind])
 
 
 def ground_velocity(record: MotorRecord, kind: VelocityClass) -> FloatArray:
@@ -143,7 +158,7 @@ def motion(
     """
     rate_hz = record.sample_rate_hz
     speeds = rotor_speeds(record, values, skew_s=skew_s)
-    velocity = ground_velocity(record, kind or velocity_class(record))
+    velocity = ground_velocity(record, kind or velocity_class([record]))
     if wind is not None and np.isfinite(wind).all():
         velocity = velocity - wind_in_body(record, wind)
     return Motion(speeds, velocity, record.rates, derivative(record.rates, rate_hz), derivative(speeds, rate_hz))
