@@ -241,7 +241,7 @@ class FlightPredictor(Immutable):
             wind = wind_of(values, self.airframe, flight.record, kind=kind, cutoff_hz=self.cutoff_hz, skew_s=skew_s)
         driven = motion(flight.record, values, kind=kind, wind=wind, skew_s=skew_s)
         center = center_of(values, self.airframe, flight.record, driven)
-        loads = flight_loads_of(values | center, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
+        loads = flight_loads_of({**values, **center}, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
         return _Stretch(flight, driven, loads, wind, skew_s, center)
 
     def _velocity(self, record: MotorRecord) -> VelocityClass:
@@ -338,7 +338,7 @@ class FlightPredictor(Immutable):
         states, speeds = slower(_states(stretch), stretch.driven.speeds, step_s=step_s, least_s=_AHEAD_STEP_S)
         step_s *= stride(step_s, _AHEAD_STEP_S)
         return step_errors(
-            self.parameters.values | stretch.center,
+            {**self.parameters.values, **stretch.center},
             self.airframe,
             states,
             speeds,
@@ -368,7 +368,7 @@ class FlightPredictor(Immutable):
             turning = rotor_speeds(record, known, skew_s=stretch.skew_s)
             _, speeds = slower(logged, turning, step_s=step_s, least_s=_FLY_STEP_S)
             flown = pieces(
-                known | stretch.center,
+                {**known, **stretch.center},
                 self.airframe,
                 states,
                 speeds,

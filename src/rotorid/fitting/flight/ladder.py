@@ -417,7 +417,7 @@ class _Search:
         drag, *pushed = np.linalg.lstsq(matrix, right, rcond=1e-10)[0].tolist()
         if not drag > 0.0:
             return np.zeros((len(rows), 2))
-        return np.clip(np.array(pushed).reshape(-1, 2) / drag, -_STORM_M_S, _STORM_M_S)
+        return np.asarray(np.clip(np.array(pushed).reshape(-1, 2) / drag, -_STORM_M_S, _STORM_M_S))
 
     def _blow(self, rows: Sequence[ForceRows], found: FloatArray) -> None:
         for place, (part, columns) in enumerate(zip(rows, self._wind_columns(), strict=True)):

@@ -363,8 +363,7 @@ def center_of(values: Mapping[str, float], airframe: Airframe, record: MotorReco
     rotors that differ, which looks the same. An axis without its inertia keeps what the values have.
     """
     left = moment_error(values, airframe, record, driven).mean(axis=1)
-    loads = flight_loads(values, airframe, speeds=driven.speeds, velocity=driven.velocity, rates=driven.rates)
-    thrust = -float(loads.force[2].mean())
+    thrust = -float(driven.loads(values, airframe).force[2].mean())
     moved = {"x_cg": -float(left[1]) / thrust, "y_cg": float(left[0]) / thrust}
     return {name: values.get(name, 0.0) + shift for name, shift in moved.items() if np.isfinite(shift)}
 
