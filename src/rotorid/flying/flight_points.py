@@ -34,13 +34,13 @@ import numpy as np
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError, UsageError
+from rotorid.flying.vehicle_air import implied_derivatives
 from rotorid.models.flight import Airframe, flight_loads
 from rotorid.models.flight_derivatives import (
     FORCES,
     MOMENTS,
     FlightDerivatives,
     FlightTrim,
-    flight_derivatives,
     flight_trim,
 )
 from rotorid.results.model import IdentifiedModel, bounds_of, parameter_estimates
@@ -50,8 +50,6 @@ from rotorid.typing import FloatArray, IntArray
 SPACING_M_S = 2.0
 """Largest distance of the speeds: between them derivatives are as good as straight."""
 
-_STILL = frozenset({"T_motor", "J_r", "x_imu", "y_imu", "z_imu"})
-"""Numbers of a flight that no derivative of motion depends on."""
 _OWN_DERIVATIVES = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw", "thrust": "Z_thrust"}
 """Command to the derivative by which the change of the rotors that it asks for is known."""
 _STEP = 1e-4
@@ -102,9 +100,7 @@ def over_speed(anchor: IdentifiedModel, flight: IdentifiedModel) -> OverSpeed:
             f"{own_m_s:.1f} m/s",
             needed=f"a flight that is {SPACING_M_S:g} m/s faster",
         )
-    known = [name for name in flight.bounds.names if name in values and name not in _STILL]
-    spread = bounds_of(flight.bounds, known).covariance
-    found = flight_derivatives(values, airframe, (own_m_s, *speeds), free=known, covariance=spread)
+    found = implied_derivatives(flight, (own_m_s, *speeds))
     # Without flapping, moments by speed lack the largest part.
     shown = _ACROSS | {name for name in _BY_SPEED if "m_f" in values or name[0] in FORCES}
     shared, findings = _shared(anchor, found, [name for name in anchor.structure.parameters.free if name in shown])

@@ -16,14 +16,20 @@ What the rotors do to a vehicle that moves follows about hover as derivatives, X
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rotorid.models.flight import CURVE_TERMS, full_thrust, hover_thrust
+from rotorid.models.flight_derivatives import FlightDerivatives, flight_derivatives
+from rotorid.results.model import bounds_of
 from rotorid.results.summary import airframe_of
 from rotorid.simulation.multirotor import RotorFlow
+from rotorid.typing import FloatArray
+from rotorid.uncertainty.propagation import covariance_of
 
 if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
@@ -78,39 +84,80 @@ def hover_parameters(model: IdentifiedModel) -> Mapping[str, ParameterEstimate]:
     ModelError
         The rotors of the result do not carry its weight.
     """
-    flight, motors, own = model.flight, model.motors, model.parameters
-    if flight is None or motors is None:
-        return own
-    values = {name: estimate.value for name, estimate in own.items() if estimate.status != "dropped"}
-    hover = hover_thrust(values, airframe_of(motors, flight, values["m"]))
-    found = dict(own)
-    left = hover.coefficient / full_thrust(values)
-    stated = flight.hover.get("thrust_coefficient")
-    for name in CURVE_TERMS:
-        if name in values:
-            std = own[name].std
-            alone = len(set(CURVE_TERMS) & set(values)) == 1 and stated is not None
-            # What inflow and static thrust trade cancels in hover.
-            std = stated.std if alone and stated is not None else None if std is None else left * std
-            found[name] = replace(own[name], value=left * own[name].value, std=std)
-    if "kappa" in values:
-        static = full_thrust(values) * hover.speed**2
-        thrust = hover.coefficient * hover.speed**2
-        torque = values["kappa"] * static + values.get("kappa_lambda", 0.0) * hover.induced_m_s**2
-        share = torque / thrust / values["kappa"]
-        kappa = own["kappa"]
-        std = None if kappa.std is None else share * kappa.std
-        found["kappa"] = replace(kappa, value=share * kappa.value, std=std)
-        if "I_zz" in values:
-            found["kappa_per_I_zz"] = _ratio(found["kappa"], own["I_zz"])
+    if model.flight is None:
+        return model.parameters
+    numbers = {name: estimate.value for name, estimate in model.parameters.items() if estimate.status != "dropped"}
+    hovering, found = _in_hover(model, numbers), dict(model.parameters)
+    spread = _hover_covariance(model, numbers).diagonal().tolist()
+    for (name, value), variance in zip(hovering.items(), spread, strict=True):
+        std = math.sqrt(variance) if variance > 0.0 else None
+        if name in found:
+            # What was held stays given, though inflow moves it.
+            found[name] = replace(found[name], value=value, std=None if found[name].status == "fixed" else std)
+        else:
+            found[name] = replace(found["kappa"], value=value, std=std, unit="1/(kg m)", status="tied")
     return found
 
 
-def _ratio(kappa: ParameterEstimate, inertia: ParameterEstimate) -> ParameterEstimate:
-    value = kappa.value / inertia.value
-    shares = [estimate.std / abs(estimate.value) for estimate in (kappa, inertia) if estimate.std and estimate.value]
-    std = abs(value) * math.hypot(*shares) if shares else None
-    return replace(kappa, value=value, std=std, unit="1/(kg m)", status="tied")
+def _in_hover(model: IdentifiedModel, values: Mapping[str, float]) -> dict[str, float]:
+    """Thrust and torque as rotors make them in hover, by the names of the coefficients; see the head."""
+    assert model.motors is not None
+    assert model.flight is not None
+    hover = hover_thrust(values, airframe_of(model.motors, model.flight, values["m"]))
+    static = full_thrust(values)
+    found = {name: hover.coefficient / static * values[name] for name in CURVE_TERMS if name in values}
+    if "kappa" in values:
+        torque = values["kappa"] * static * hover.speed**2 + values.get("kappa_lambda", 0.0) * hover.induced_m_s**2
+        found["kappa"] = torque / (hover.coefficient * hover.speed**2)
+        if "I_zz" in values:
+            found["kappa_per_I_zz"] = found["kappa"] / values["I_zz"]
+    return found
+
+
+def _hover_covariance(model: IdentifiedModel, values: Mapping[str, float]) -> FloatArray:
+    """Covariance of :func:`_in_hover`: what inflow and thrust without it trade cancels there."""
+    return covariance_of(lambda of: list(_in_hover(model, of).values()), values, model.bounds)
+
+
+def curve_correlation(model: IdentifiedModel, terms: Sequence[str]) -> FloatArray:
+    """Correlation of coefficients of the thrust curve in hover, shape ``(terms, terms)``."""
+    if model.flight is None:
+        return bounds_of(model.bounds, terms).correlation
+    numbers = {name: estimate.value for name, estimate in model.parameters.items() if estimate.status != "dropped"}
+    rows = [list(_in_hover(model, numbers)).index(name) for name in terms]
+    covariance = _hover_covariance(model, numbers)[np.ix_(rows, rows)]
+    std = np.sqrt(np.maximum(covariance.diagonal(), 1e-300))
+    return np.asarray(covariance / np.outer(std, std))
+
+
+_STILL = frozenset({"T_motor", "J_r", *PLACE})
+"""Numbers of a flight that no derivative of motion depends on."""
+
+
+def implied_derivatives(
+    model: IdentifiedModel, speeds_m_s: Sequence[float], *, exact: Iterable[str] = ()
+) -> FlightDerivatives:
+    """Stability derivatives that a result of ``physical.flight`` implies, as its numbers err together.
+
+    Parameters
+    ----------
+    speeds_m_s
+        Of level flight in still air.
+    exact
+        Numbers that do not err, because somebody gave them.
+    """
+    assert model.motors is not None
+    assert model.flight is not None
+    values = {name: estimate.value for name, estimate in model.parameters.items() if estimate.status != "dropped"}
+    without = _STILL.union(exact)
+    known = [name for name in model.bounds.names if name in values and name not in without]
+    return flight_derivatives(
+        values,
+        airframe_of(model.motors, model.flight, values["m"]),
+        speeds_m_s,
+        free=known,
+        covariance=bounds_of(model.bounds, known).covariance,
+    )
 
 
 def air_factors(model: IdentifiedModel, *, full: float | None, scale: float | None, length: float) -> dict[str, float]:

@@ -27,7 +27,15 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import UsageError
-from rotorid.flying.vehicle_air import AIR_UNITS, PLACE, air_factors, hover_parameters, rotor_flow
+from rotorid.flying.vehicle_air import (
+    AIR_UNITS,
+    PLACE,
+    air_factors,
+    curve_correlation,
+    hover_parameters,
+    implied_derivatives,
+    rotor_flow,
+)
 from rotorid.models.families import family_of
 from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, yaw_range
@@ -35,8 +43,7 @@ from rotorid.models.parameter import no_such
 from rotorid.models.rotors import RotorLayout
 from rotorid.planning.responses import answers_setpoints
 from rotorid.simulation.linearization import hover_slopes
-from rotorid.simulation.multirotor import Multirotor, RotorFlow, Rotors
-from rotorid.typing import FloatArray
+from rotorid.simulation.multirotor import Multirotor, Rotors
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
@@ -372,9 +379,7 @@ def joined_vehicle(
     density_kg_m3 = next(
         (model.flight.density_kg_m3 for model in models if model.flight is not None), AIR_DENSITY_KG_M3
     )
-    body = _multirotor(
-        name, numbers, rotors, source=", ".join(dict.fromkeys(map(_label, models))), density_kg_m3=density_kg_m3
-    )
+    body = _multirotor(name, numbers, rotors, models, density_kg_m3=density_kg_m3)
     vehicle = JoinedVehicle(
         name=name,
         multirotor=body,
@@ -683,8 +688,7 @@ def _joint_curve(
     information, weighted = np.zeros((len(terms),) * 2), np.zeros(len(terms))
     for (model, _), numbers in zip(flown, alike, strict=True):
         std = np.array([numbers[name].std or 0.0 for name in terms])
-        index = [model.bounds.names.index(name) for name in terms]
-        precision = np.linalg.inv(model.bounds.correlation[np.ix_(index, index)] * np.outer(std, std))
+        precision = np.linalg.inv(curve_correlation(model, terms) * np.outer(std, std))
         information += precision
         weighted += precision @ np.array([numbers[name].value for name in terms])
     covariance = np.linalg.inv(information)
@@ -925,8 +929,8 @@ def _multirotor(
     name: str,
     numbers: dict[str, VehicleNumber],
     rotors: RotorLayout | None,
+    models: Sequence[IdentifiedModel],
     *,
-    source: str,
     density_kg_m3: float,
 ) -> Multirotor | None:
     """The rigid body, where everything that it needs is known; what its rotors do about hover goes to the numbers."""
@@ -955,12 +959,12 @@ def _multirotor(
             flow=rotor_flow(value, rotors=rotors.rotors, density_kg_m3=density_kg_m3),
         ),
         vertical_drag_n_s2_m2=value.get("d_z", 0.0),
-        source=source,
+        source=", ".join(dict.fromkeys(map(_label, models))),
     )
     of_rotors = np.zeros((6, 6))
     if shown := _shown_by_air(numbers):
         of_rotors = hover_slopes(body)
-        for key, std in _slope_stds(body, numbers, shown).items():
+        for key, std in _slope_stds(models, numbers, shown).items():
             of = " and ".join(dict.fromkeys(numbers[cause].of for cause in _CAUSES[key] if cause in numbers))
             own = VehicleNumber(value=float(of_rotors[MOTION[key]]), unit=UNITS[key], source="derived", std=std, of=of)
             other = numbers.get(key)
@@ -999,30 +1003,19 @@ def _shown_by_air(numbers: Mapping[str, VehicleNumber]) -> tuple[str, ...]:
 
 
 def _slope_stds(
-    body: Multirotor, numbers: Mapping[str, VehicleNumber], shown: Sequence[str]
+    models: Sequence[IdentifiedModel], numbers: Mapping[str, VehicleNumber], shown: Sequence[str]
 ) -> dict[str, float | None]:
-    """Standard deviation of each derivative that follows: all are linear in what makes them."""
-    rotors, whole = body.rotors, hover_slopes(body)
-    flow = rotors.flow or RotorFlow()
-    without = {
-        "k_d": replace(rotors, induced_drag_n_s_m=0.0),
-        "c_lambda": replace(rotors, inflow_n_s_m=0.0),
-        "m_f": replace(rotors, flow=replace(flow, flapping_n_s=0.0)),
-        "m_fx": replace(rotors, flow=replace(flow, forward_flapping_n_s=0.0)),
-        "k_r": replace(rotors, flow=replace(flow, yaw_damping_n_m_s=0.0)),
-    }
-    shares: dict[str, FloatArray] = {}
-    for name, other in without.items():
-        number = numbers.get(name)
-        if number is not None and number.value != 0.0 and number.std:
-            made = whole - hover_slopes(replace(body, rotors=other))
-            shares[name] = made * (number.std / number.value)
-    return {
-        key: math.hypot(*parts)
-        if (parts := [shares[name][MOTION[key]] for name in _CAUSES[key] if name in shares])
-        else None
-        for key in shown
-    }
+    """Standard deviation of each derivative that follows, by the results of flight that know it."""
+    given = [name for name, number in numbers.items() if number.source == "given"]
+    precision: dict[str, float] = {}
+    for model in models:
+        if model.flight is None:
+            continue
+        implied = implied_derivatives(model, (0.0,), exact=given)
+        for key, std in zip(implied.names, implied.std[0].tolist(), strict=True):
+            if std > 0.0:
+                precision[key] = precision.get(key, 0.0) + 1.0 / std**2
+    return {key: precision[key] ** -0.5 if key in precision else None for key in shown}
 
 
 def _hovered(motors: MotorPhysics) -> bool:

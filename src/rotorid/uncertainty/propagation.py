@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -40,6 +40,7 @@ _COINCIDENT = 1e-6
 # Sigma points of a normal distribution of the errors; second moments are then good to a few percent.
 _POINTS = 512
 _FLAT = 1e-9
+_SHARE_OF_STD = 1e-3
 _DEFECTIVE = 1e10
 
 
@@ -140,6 +141,38 @@ def covariance_of_all(parameters: ParameterSet, bounds: Bounds) -> FloatArray:
     """
     root = parameters.directions @ _root(parameters, bounds)
     return np.asarray(root @ root.T)
+
+
+def covariance_of(
+    made: Callable[[Mapping[str, float]], Sequence[float] | FloatArray], values: Mapping[str, float], bounds: Bounds
+) -> FloatArray:
+    """Covariance of numbers that follow from parameters by a function without exact derivatives.
+
+    Parameters
+    ----------
+    made
+        Makes the numbers of values by name.
+    values
+        At which they are wanted, those that no fit had free included.
+    bounds
+        Covariance of the free ones; others of its names have no part.
+
+    Examples
+    --------
+    >>> from rotorid.uncertainty.cramer_rao import Bounds
+    >>> P = np.array([[0.04, -0.02], [-0.02, 0.01]])
+    >>> known = Bounds(names=("a", "b"), cramer_rao=np.zeros(2), insensitivity=np.zeros(2), covariance=P, random=P)
+    >>> covariance_of(lambda of: [of["a"] + 2.0 * of["b"], of["a"]], {"a": 1.0, "b": 1.0}, known).round(6) + 0.0
+    array([[0.  , 0.  ],
+           [0.  , 0.04]])
+    """
+    slopes = np.zeros((len(made(values)), len(bounds.names)))
+    for column, (name, std) in enumerate(zip(bounds.names, np.sqrt(bounds.covariance.diagonal()), strict=True)):
+        if name in values and std > 0.0:
+            step = _SHARE_OF_STD * float(std)
+            up, down = (np.asarray(made({**values, name: values[name] + side * step})) for side in (1.0, -1.0))
+            slopes[:, column] = (up - down) / (2.0 * step)
+    return np.asarray(slopes @ bounds.covariance @ slopes.T)
 
 
 def response_confidence(

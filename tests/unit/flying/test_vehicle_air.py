@@ -71,7 +71,8 @@ def test_derivatives_of_hover_follow_with_their_errors() -> None:
     for name, place in {"X_u": (0, 0), "Y_v": (1, 1), "Z_w": (2, 2), "M_u": (4, 0), "L_p": (3, 3)}.items():
         number = joined.numbers[name]
         assert (number.value, number.source) == (pytest.approx(float(slopes[place]), rel=1e-9), "derived")
-    assert joined.numbers["X_u"].std == pytest.approx(0.01 * abs(joined.numbers["X_u"].value))
+    # Drag goes with the speed of hover, which is as sure as thrust: 1 % and half of 1.3 % or so.
+    assert joined.numbers["X_u"].std == pytest.approx(0.0115 * abs(joined.numbers["X_u"].value), rel=0.1)
     body = require(joined, target="test")
     assert body.aerodynamics is not None
     assert not body.aerodynamics.any()
@@ -92,10 +93,10 @@ def test_derivatives_are_those_that_the_physics_implies(values: Mapping[str, flo
     for name, value, std in zip(implied.names, implied.values[0], stds, strict=True):
         if name in ("X_u", "Y_v", "Z_w"):
             assert joined[name].value == pytest.approx(float(value), rel=1e-4)
-            # Here a flight's thrust in hover, which is known well, has no error.
-            assert joined[name].std == pytest.approx(float(std), rel=0.3)
+            assert joined[name].std == pytest.approx(float(std))
         elif name in joined:
             assert joined[name].value == pytest.approx(float(value), rel=1e-3)
+            assert joined[name].std == pytest.approx(float(std))
 
 
 def test_a_derivative_that_was_given_is_that_of_rotors_and_body() -> None:

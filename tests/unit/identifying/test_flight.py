@@ -10,6 +10,7 @@ from tests.unit.identifying.flight_logs import DIAMETER_M, flown, layout_file, w
 from rotorid.data.record import FlightRecord
 from rotorid.documents.result import load, result_document, save
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flying.vehicle_air import hover_parameters
 from rotorid.identifying.identification import identify
 from rotorid.identifying.identify_many import identify_several
 from rotorid.models.flight import FLIGHT_PARAMETERS
@@ -65,6 +66,12 @@ def test_rotors_and_thrust_are_in_the_room_of_motors(model: IdentifiedModel) -> 
     assert frame.positions == pytest.approx(truth.positions)
     assert (frame.mass_kg, frame.rotors) == (truth.mass_kg, 4)
     assert frame.disc_m2 == pytest.approx(truth.disc_m2, rel=0.01)
+
+
+def test_thrust_of_hover_is_as_sure_for_a_vehicle(model: IdentifiedModel) -> None:
+    assert model.flight is not None
+    stated, own = model.flight.hover["thrust_coefficient"], hover_parameters(model)["c_2"]
+    assert (own.value, own.std) == (pytest.approx(stated.value), pytest.approx(stated.std, rel=1e-6))
 
 
 def test_a_result_comes_back_as_it_was_saved(model: IdentifiedModel, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import from_toml
 from rotorid.results.summary import Derived
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.uncertainty.propagation import covariance_of
 
 _BY_OUTPUT: Mapping[str, str] = {
     "N s/rad": "N",
@@ -106,25 +107,13 @@ def hover_numbers(fit: FlightFit, bounds: Bounds, *, scaled: bool, speeds: bool)
     }
     at_speed = fit.hover.speed
     values = _numbers(fit.values, fit.airframe, at_speed, speeds=speeds)
-    slopes = np.zeros((len(values), len(bounds.names)))
-    for column, (name, std) in enumerate(zip(bounds.names, bounds.std.tolist(), strict=True)):
-        if name in _OF_HOVER and std > 0.0:
-            step = _STEP * std
-            ends = [
-                _numbers({**fit.values, name: fit.values[name] + side * step}, fit.airframe, at_speed, speeds=speeds)
-                for side in (1.0, -1.0)
-            ]
-            slopes[:, column] = [(ends[0][key] - ends[1][key]) / (2.0 * step) for key in values]
-    variances = np.einsum("ki,ij,kj->k", slopes, bounds.covariance, slopes)
+    spread = covariance_of(
+        lambda of: list(_numbers(of, fit.airframe, at_speed, speeds=speeds).values()), fit.values, bounds
+    )
     return {
         name: Derived(value=value, std=float(np.sqrt(max(variance, 0.0))), unit=of[name])
-        for (name, value), variance in zip(values.items(), variances.tolist(), strict=True)
+        for (name, value), variance in zip(values.items(), spread.diagonal().tolist(), strict=True)
     }
-
-
-_OF_HOVER = ("c_0", "c_1", "c_2", "c_lambda", "k_d")
-_STEP = 1e-3
-"""Of a standard deviation, for slopes."""
 
 
 def _numbers(values: Mapping[str, float], airframe: Airframe, at_speed: float, *, speeds: bool) -> dict[str, float]:
