@@ -52,6 +52,7 @@ from rotorid.exports.round_trip import (
     identified_motion,
     in_flight,
     linearized,
+    lost_air,
 )
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
@@ -570,6 +571,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, thrust: _Thrust) -> list
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         remarks.append("SITL has no moment by velocity but that of drag at the rotors: M_u and L_v are lost.")
     remarks.append("SITL has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
+    remarks += lost_air(vehicle)
     if not thrust.of_demands:
         full_n = vehicle.hover_force_n / thrust.hover_share
         form = f"of SITL's form with an expo of {thrust.expo:.3g}"

@@ -13,6 +13,7 @@ import numpy as np
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     NamedModel,
+    air_words,
     compared_models,
     delay_words,
     description,
@@ -49,7 +50,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     """
     models = named_models(vehicle, choices)
     rows = compared_models(models, choices)
-    sentences = delay_words(models, choices)
+    sentences = [*delay_words(models, choices), *air_words(vehicle.models)]
     file, first = f"{choices.names}_control.py", models[0].name
     title = f"{choices.names}: identified models for python-control, by rotorid"
     return Exported(

@@ -41,10 +41,11 @@ from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.exports.mujoco import own_slopes
 from rotorid.exports.px4_sih import delay_steps, lag_of
-from rotorid.exports.round_trip import DELAY, compared, hover_air, identified_motion, in_flight, linearized
+from rotorid.exports.round_trip import DELAY, compared, hover_air, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     NamedModel,
+    air_words,
     compared_models,
     delay_words,
     description,
@@ -116,7 +117,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         raise UsageError("no model to export", needed="a result with a model, or a complete vehicle")
     models = named_models(vehicle, choices) if vehicle.models else ()
     rows = compared_models(models, choices)
-    sentences = delay_words(models, choices)
+    sentences = [*delay_words(models, choices), *air_words(vehicle.models)]
     units = {f"{choices.names}_{model.name}.fmu": _linear(model) for model in models}
     if body is not None:
         unit = _vehicle(choices.names, vehicle, body, choices)
@@ -202,7 +203,7 @@ def _delay_remarks(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]
         )
     if "T_motor" not in vehicle.numbers:
         remarks.append("The lag of the motors is not identified.")
-    return remarks
+    return remarks + lost_air(vehicle)
 
 
 # The equations of the vehicle, by the numbers as they are written

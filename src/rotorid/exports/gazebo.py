@@ -33,7 +33,7 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.round_trip import HOVER, compared, identified_motion, in_flight, linearized
+from rotorid.exports.round_trip import HOVER, compared, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Fidelity, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
@@ -365,7 +365,7 @@ def _left_out(vehicle: JoinedVehicle, choices: ExportSettings, model: GazeboVehi
         remarks.append("M_u and L_v are those of drag at the height of the rotors, not the identified ones.")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
         remarks.append("Drag is not identified: the model has none.")
-    remarks += lag_words(vehicle)
+    remarks += [*lost_air(vehicle, "m_s"), *lag_words(vehicle)]
     assert vehicle.multirotor is not None
     full_n = model.thrust * float(model.fastest) ** 2
     return remarks + full_thrust_words("a square of the speed", full_n, vehicle.multirotor.rotors.thrust_at(1.0))

@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.exports.settings import ExportSettings
+from rotorid.exports.state_space import air_words
 from rotorid.exports.target import Compared, Exported
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         left_out=(
             f"The state space {_DELAYS[choices.delay]}; delays_s has the exact values.",
             *(f"{name} has no proper state space; only its matrices are exported." for name in improper),
+            *air_words(vehicle.models),
         ),
         start=f"import json; models = json.load(open('{choices.names}.json'))['models']",
     )

@@ -24,6 +24,7 @@ from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
     LONGEST_NAME,
     NamedModel,
+    air_words,
     compared_models,
     delay_words,
     description,
@@ -78,6 +79,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     own = own_delays(choices)
     rows = compared_models(models, choices, own_delays=own)
     sentences = _own_delay_words(models, choices) if own else delay_words(models, choices)
+    sentences += air_words(vehicle.models)
     title = f"{choices.names}: identified models for MATLAB and Octave, by rotorid"
     head = headed(title, rows, sentences)
     return Exported(

@@ -33,7 +33,18 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged, refuse_tilted
 from rotorid.exports.estimates import instead_of_default
-from rotorid.exports.round_trip import HOVER, LAG, PITCH, ROLL, YAW, compared, identified_motion, in_flight, linearized
+from rotorid.exports.round_trip import (
+    HOVER,
+    LAG,
+    PITCH,
+    ROLL,
+    YAW,
+    compared,
+    identified_motion,
+    in_flight,
+    linearized,
+    lost_air,
+)
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
@@ -383,7 +394,7 @@ def _left_out(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     if any(name in vehicle.numbers for name in ("M_u", "L_v")):
         remarks.append("SIH has no moment by velocity: M_u and L_v are lost.")
     remarks.append("SIH has one drag for three axes and one damping for three: Z_w and N_r follow from the others.")
-    remarks += lag_words(vehicle)
+    remarks += [*lost_air(vehicle), *lag_words(vehicle)]
     assert vehicle.multirotor is not None
     identified_n = vehicle.multirotor.rotors.thrust_at(1.0)
     return remarks + full_thrust_words("a line through zero", vehicle.hover_slope_n, identified_n)

@@ -46,6 +46,7 @@ from rotorid.exports.round_trip import (
     identified_motion,
     in_flight,
     linearized,
+    lost_air,
 )
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
@@ -365,7 +366,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, cho
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if not {"X_u", "Y_v"} & set(vehicle.numbers):
         remarks.append("Drag is not identified: the vehicle has none.")
-    return remarks + lag_words(vehicle)
+    return [*remarks, *lost_air(vehicle, "c_lambda", "c_h", "m_f", "d_z"), *lag_words(vehicle)]
 
 
 # The file

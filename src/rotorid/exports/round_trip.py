@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import listed
 from rotorid.exports.target import Compared, Fidelity
 from rotorid.simulation.linearization import hover_slopes
 from rotorid.simulation.multirotor import STATES
@@ -57,6 +58,9 @@ _DERIVATIVES: Mapping[str, tuple[int, int, str]] = {
     "N_r": (5, 5, "1/s"),
 }
 """Rows and columns of ``A``."""
+
+AIR = ("c_lambda", "k_w", "c_h", "c_hw", "c_ha", "c_wake", "d_z", "m_f", "m_s", "kappa_lambda", "k_r")
+"""What moving air does to rotors and body beyond drag that is linear, in the names of `rotorid.models.flight`."""
 
 _STEP = 1e-4
 _NOTHING = 1e-9
@@ -164,17 +168,34 @@ def in_flight(
     own = (accelerations_of(multirotor, multirotor.hover_shares, velocity) for velocity in (moving, still))
     theirs = (accelerations(hover_outputs, velocity, still) for velocity in (moving, still))
     differences = [fast - slow for fast, slow in (tuple(own), tuple(theirs))]
-    for name, axis, held, cause in (("drag", 0, drag, "k_d"), ("lift gained", 2, lift, "c_lambda")):
+    # As sure as the derivatives of hover, which are made of the same products.
+    for name, axis, held, cause, like in (("drag", 0, drag, "k_d", "X_u"), ("lift gained", 2, lift, "c_lambda", "Z_w")):
         if cause not in vehicle.numbers:
             continue
         was, now = (-float(difference[axis]) + 0.0 for difference in differences)
-        number = vehicle.numbers[cause]
+        number = vehicle.numbers[like]
         std = abs(was * number.std / number.value) if number.std and number.value else None
         row = Compared(
             name=f"{name} at {speed:g} m/s", unit="m/s^2", identified=was, exported=now, held=held, identified_std=std
         )
         rows.append(row)
     return tuple(rows)
+
+
+def lost_air(vehicle: JoinedVehicle, *kept: str) -> list[str]:
+    """A sentence with the names of what a flight showed of the air and a target has about hover only, or not at all.
+
+    Parameters
+    ----------
+    vehicle
+        Says what was identified.
+    kept
+        What the target has at speed too.
+    """
+    lost = [name for name in AIR if name in vehicle.numbers and name not in kept and vehicle.numbers[name].value != 0.0]
+    if fastest_m_s(vehicle) is None or not lost:
+        return []
+    return [f"Away from hover the identified {listed(lost)} {'is' if len(lost) == 1 else 'are'} lost."]
 
 
 def accelerations_of(multirotor: Multirotor, outputs: FloatArray, velocity_m_s: FloatArray) -> FloatArray:

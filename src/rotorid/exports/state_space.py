@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -222,6 +222,15 @@ def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[s
     else:
         remarks = [f"Delays are {how}."]
     return remarks
+
+
+def air_words(models: Iterable[IdentifiedModel]) -> list[str]:
+    """A sentence where a result knows the air, of which a model about hover has next to nothing."""
+    return [
+        f"{model.name} is linear about hover here: of the air it has the inflow of climb alone."
+        for model in models
+        if model.flight is not None
+    ]
 
 
 def description(item: NamedModel) -> list[str]:

@@ -40,6 +40,7 @@ from rotorid.exports.round_trip import (
     identified_motion,
     in_flight,
     linearized,
+    lost_air,
 )
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines, xml_comment
@@ -261,6 +262,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
     if (late := vehicle.numbers.get(DELAY)) is not None and late.value > 0.0:
         remarks.append(f"There is no delay: {1e3 * late.value:.2g} ms are lost.")
     remarks.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
+    remarks += lost_air(vehicle)
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
         remarks.append("Products of inertia are in the file, but its reader uses the diagonal only.")
     full = model.thrust * model.fastest_rad_s**2

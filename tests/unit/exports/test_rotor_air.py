@@ -15,7 +15,7 @@ from tests.unit.flying.flights import LIMITS, OF_OUTPUTS, flight
 from rotorid.exports import Exported, ExportSettings
 from rotorid.exports.mujoco import FLU
 from rotorid.exports.rotor_air import air_numbers, rotor_air
-from rotorid.exports.round_trip import accelerations_of, fastest_m_s
+from rotorid.exports.round_trip import AIR, accelerations_of, fastest_m_s
 from rotorid.exports.target import Compared
 from rotorid.exports.targets import target_named
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
@@ -65,9 +65,30 @@ def test_drag_at_speed_is_the_identified_one(target: str) -> None:
     assert abs(found["X_u"].difference_percent) < 0.1
     assert abs(found[DRAG].difference_percent) < 0.2
     assert found[DRAG].identified == pytest.approx(10.0 * -found["X_u"].identified)
-    assert found[DRAG].identified_std == pytest.approx(0.01 * found[DRAG].identified, rel=1e-3)
+    x_u = flew().numbers["X_u"]
+    assert found[DRAG].identified_std == pytest.approx((x_u.std or 0.0) / -x_u.value * found[DRAG].identified)
     assert found[LIFT].identified > 0.5
     assert found[LIFT].held == {"mujoco": "exact", "rotorpy": "approximated"}.get(target, "not")
+
+
+@pytest.mark.parametrize(
+    ("target", "kept"),
+    [
+        ("gazebo", {"m_s"}),
+        ("rotorpy", {"c_lambda", "c_h", "m_f", "d_z"}),
+        *((name, set()) for name in ("px4-sih", "ardupilot", "urdf", "fmu")),
+    ],
+)
+def test_what_a_target_lacks_is_named(target: str, kept: set[str]) -> None:
+    (sentence,) = (words for words in made(target, flew(FULL)).left_out if words.startswith("Away from hover"))
+    assert {name for name in AIR if re.search(rf"\b{name}\b", sentence)} == set(AIR) - kept
+    assert not [words for words in made("mujoco", flew(FULL)).left_out if words.startswith("Away from hover")]
+    assert not [words for words in made(target, sih()).left_out if words.startswith("Away from hover")]
+
+
+@pytest.mark.parametrize("target", ["json", "matlab", "control", "fmu"])
+def test_a_state_space_is_one_of_hover(target: str) -> None:
+    assert [words for words in made(target, flew()).left_out if "linear about hover" in words]
 
 
 def test_lift_at_speed() -> None:
