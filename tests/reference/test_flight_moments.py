@@ -23,6 +23,8 @@ from rotorid.fitting.flight.motion import motion
 from rotorid.models.flight import Airframe
 from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FLIGHTS = {"d": "20210218171908seg2", "g": "20210223104803seg2", "h": "20210223114138seg3"}
 INERTIA = np.array([2.52e-3, 2.14e-3, 4.36e-3])

@@ -35,6 +35,8 @@ MOMENT_NUMBERS = 5
 """Inertia of three axes, one of kappa and the inertia of a rotor, and one moment of the air."""
 
 WIND = np.array([3.0, -2.0])
+ROTOR_DRAG = 4.0e-5
+"""N s²/(m rad): the mean over six flights of the set, each alone, of which three are here; they differ by 1.3 %."""
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +92,7 @@ def unseen(records: dict[str, MotorRecord]) -> dict[str, float]:
     return left_out(records, "measured")
 
 
+@pytest.mark.slow
 def test_an_unseen_flight_is_predicted_by_twelve_numbers(
     records: dict[str, MotorRecord], unseen: dict[str, float]
 ) -> None:
@@ -98,10 +101,12 @@ def test_an_unseen_flight_is_predicted_by_twelve_numbers(
     assert len(fitted(records["d"], records["h"]).free) + MOMENT_NUMBERS <= 12
 
 
+@pytest.mark.slow
 def test_a_slow_flight_is_predicted_by_fast_ones(unseen: dict[str, float]) -> None:
     assert unseen["g"] <= 0.20
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
@@ -112,6 +117,7 @@ def test_an_unseen_flight_to_forty_two_hundredths(records: dict[str, MotorRecord
     assert pooled(records, unseen) <= 0.42
 
 
+@pytest.mark.slow
 def test_the_attitude_alone_gives_the_velocity(records: dict[str, MotorRecord]) -> None:
     """.52 N with a velocity that is integrated from specific force."""
     assert pooled(records, left_out(records, "attitude")) <= 0.54
@@ -127,20 +133,35 @@ def test_an_added_wind_is_found(records: dict[str, MotorRecord], key: str) -> No
 
 @pytest.fixture(scope="module")
 def drag(records: dict[str, MotorRecord]) -> dict[str, float]:
-    """Rotor drag of each flight over that of the fast two."""
-    together = fitted(records["d"], records["h"]).values["k_d"]
-    return {key: fitted(record).values["k_d"] / together for key, record in records.items()}
+    """Rotor drag by each flight alone, and by the fast two together, over that of six flights."""
+    alone = {key: fitted(record).values["k_d"] for key, record in records.items()}
+    both = fitted(records["d"], records["h"]).values["k_d"]
+    return {key: value / ROTOR_DRAG for key, value in {**alone, "d, h": both}.items()}
 
 
+@pytest.mark.slow
 def test_rotor_drag_of_every_fast_flight_is_the_same(drag: dict[str, float]) -> None:
+    """4.05 and 4.10e-5."""
     assert drag["d"] == pytest.approx(1.0, abs=0.03)
     assert drag["h"] == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
-    reason="3.7 instead of 4.2e-5: the slow flight has a fifth less drag along y than along x, at a coherence of .99",
+    reason="4.23 instead of 4.0e-5: together, the flights have no k_w, because it lowers the error by less than 1 %; "
+    "alone, d has it",
+)
+def test_rotor_drag_of_fast_flights_together_is_that_of_each(drag: dict[str, float]) -> None:
+    assert drag["d, h"] == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="3.6 instead of 4.0e-5: the slow flight has a fifth less drag along y than along x, at a coherence of .99",
 )
 def test_rotor_drag_of_a_slow_flight_is_that_of_fast_ones(drag: dict[str, float]) -> None:
     assert drag["g"] == pytest.approx(1.0, abs=0.03)

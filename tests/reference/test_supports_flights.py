@@ -64,7 +64,9 @@ def test_every_model_does_what_inspect_said(log: str, looked: Callable[[str], tu
             assert isinstance(answer, IdentifiedModel) or kinds & OF_THE_FIT, (name, kinds)
             # What may still be refused is said; that an excitation may be incoherent, or a model wrong, the page says.
             assert (
-                isinstance(answer, IdentifiedModel) or support.by == "excitation" or "only identify" in support.because
+                isinstance(answer, IdentifiedModel)
+                or support.by == "excitation"
+                or "rotorid identify" in support.because
             )
         elif answer is not None:
             assert not isinstance(answer, IdentifiedModel), name

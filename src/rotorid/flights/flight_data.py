@@ -24,7 +24,7 @@ from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord, Maneuver, MotorRecord, places
+from rotorid.data.record import FlightRecord, Intervals, Maneuver, MotorRecord, places
 from rotorid.errors import InsufficientDataError, ModelError, nearest_name
 from rotorid.fitting.flight.motion import VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
@@ -193,10 +193,7 @@ def _skews(motors: MotorData) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
     """
     late: dict[int, Quantity] = {}
     unknown: list[Finding] = []
-    for record in {id(flight.record): flight.record for flight in motors.flights}.values():
-        spans = tuple(
-            (flight.maneuver.start_s, flight.maneuver.stop_s) for flight in motors.flights if flight.record is record
-        )
+    for record, spans in given_spans(motors.flights):
         try:
             late[id(record)] = motor_skew(record, motors.layout, intervals=spans).late_s
         except InsufficientDataError as error:
@@ -215,6 +212,22 @@ def _skews(motors: MotorData) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
     logs = {(flight.record.source.name, flight.maneuver.start_s): id(flight.record) for flight in motors.flights}
     keys = (logs.get((stretch.record.name, stretch.maneuver.start_s)) for stretch in motors.stretches)
     return tuple(skews_s.get(key, 0.0) if key is not None else 0.0 for key in keys), tuple(unknown)
+
+
+def given_spans(flights: Sequence[Flight]) -> list[tuple[FlightRecord, Intervals]]:
+    """Each log once with the segments that were given for it; without any, as whole flights count for every command."""
+    logs = {id(flight.record): flight.record for flight in flights}.values()
+    return [
+        (
+            log,
+            tuple(
+                (flight.maneuver.start_s, flight.maneuver.stop_s)
+                for flight in flights
+                if flight.record is log and flight.maneuver.origin == "given"
+            ),
+        )
+        for log in logs
+    ]
 
 
 def given_airframe(layout: RotorLayout, choices: MotorSettings) -> GivenAirframe:

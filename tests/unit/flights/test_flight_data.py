@@ -11,6 +11,7 @@ from tests.unit.identifying.flight_logs import DIAMETER_M, flown, layout_file, w
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.flights.flight_data import USUAL_DISC_SHARE, FlightMotion, flight_data, given_airframe, neighbor_distance
+from rotorid.flights.motor_stamps import motor_skew
 from rotorid.models.rotors import library_layout
 from rotorid.settings.motors import MotorSettings
 
@@ -40,6 +41,12 @@ def test_a_flight_comes_whole_with_all_axes(layout: str) -> None:
     assert np.allclose(record.velocity, twin.motors.velocity[:, kept], atol=1e-9)
     assert np.allclose(record.attitude[:2], twin.motors.attitude[:2, kept])
     assert abs(data.skews_s[0]) < 0.004
+
+
+def test_the_skew_of_whole_flights_is_that_of_inspect(layout: str) -> None:
+    record = flown().record
+    data = read(record, layout)
+    assert data.skews_s == (motor_skew(record, data.layout).late_s.value,)
 
 
 @pytest.mark.parametrize(

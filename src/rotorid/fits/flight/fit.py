@@ -17,11 +17,12 @@ from rotorid.data.quantity import Quantity
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.flight.fitted import FittedFlight, fitted_bounds, fitted_parameters
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
-from rotorid.flights.flight_data import FlightMotion
+from rotorid.flights.flight_data import FlightMotion, given_spans
 from rotorid.flights.tilt_drag import tilt_drag_of
 from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.motors import check_mean_force
 from rotorid.settings.motors import MotorSettings
+from rotorid.signal.airborne import airborne
 from rotorid.uncertainty.flight_error import with_errors
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -72,11 +73,9 @@ def _drag_by_tilt(data: FlightMotion, fit: FlightFit) -> Quantity | None:
     """Drag over mass with the tilt as instrument, where the flights are too slow for a plain fit; else ``None``."""
     if "k_d" not in fit.missing or data.velocity != "measured":
         return None
-    logs = {id(flight.record): flight.record for flight in data.flights}.values()
-    spans = [
-        (log, tuple((f.maneuver.start_s, f.maneuver.stop_s) for f in data.flights if f.record is log)) for log in logs
-    ]
     try:
+        # Of whole flights, as a review has them.
+        spans = [(log, spans or airborne(log).intervals) for log, spans in given_spans(data.flights)]
         return tilt_drag_of(spans).drag
     except InsufficientDataError:
         return None
