@@ -215,7 +215,7 @@ def _motor_range(record: FlightRecord, history: MotorHistory) -> Range | None:
 
 
 def logged_speeds(record: FlightRecord) -> MotorHistory:
-    """Measured speeds ``motor_speed_1`` and on, rad/s.
+    """Measured speeds ``motor_speed_1`` and on, rad/s, without the sign that some logs give to a direction.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def logged_speeds(record: FlightRecord) -> MotorHistory:
         finding = refusal("missing_channel", "motor speeds", message)
         raise InsufficientDataError(message, needed="the speeds of all motors", findings=[finding])
     time_s, values, source = on_common_stamps(record, motor_channels(record, "motor_speed_"))
-    return with_remarks(record, MotorHistory(kind="speed", time_s=time_s, values=values, source=source))
+    return with_remarks(record, MotorHistory(kind="speed", time_s=time_s, values=np.abs(values), source=source))
 
 
 def or_none(read: Callable[[FlightRecord], MotorHistory], record: FlightRecord) -> MotorHistory | None:

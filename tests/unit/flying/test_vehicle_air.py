@@ -116,6 +116,17 @@ def test_a_disc_of_the_usual_size_is_none_that_was_given() -> None:
     assert joined_vehicle([flight()]).numbers["disc_area"].source == "given"
 
 
+def test_inertia_of_a_flat_vehicle_is_none_that_was_given() -> None:
+    numbers = joined_vehicle([flight(known=("m",))]).numbers
+    assert (numbers["I_zz"].source, numbers["I_zz"].value) == ("default", pytest.approx(OF_OUTPUTS["I_zz"]))
+    assert numbers["I_zz"].std
+    assert joined_vehicle([flight()]).numbers["I_zz"].source == "given"
+    # By the kilogram it is as much more as the mass.
+    scaled = joined_vehicle([flight(known=())], given={"m": OF_OUTPUTS["m"]}).numbers
+    assert scaled["I_zz"].value == pytest.approx(OF_OUTPUTS["I_zz"])
+    assert scaled["kappa"].value == pytest.approx(numbers["kappa"].value)
+
+
 def test_nothing_is_known_of_the_air_without_it() -> None:
     joined = joined_vehicle([motors()], given={"I_zz": 0.04})
     body = require(joined, target="test")

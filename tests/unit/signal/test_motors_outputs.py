@@ -128,6 +128,10 @@ def test_the_fast_and_true_source_is_chosen() -> None:
     assert (measured.kind, measured.motors) == ("speed", 4)
     assert "saturation" not in {finding.kind for finding in measured.findings}
     assert measured.names[0] == "motor_speed_1"
+    turning = [replace(one, values=sign * one.values) for one, sign in zip(speeds, (1.0, 1.0, -1.0, -1.0), strict=True)]
+    # A sign is that of the direction.
+    signed = motor_history(replace(fast, topics=(*fast.topics, *turning)), MIXER)
+    np.testing.assert_array_equal(signed.values, measured.values)
 
 
 def test_slow_speeds_do_not_replace_fast_outputs() -> None:

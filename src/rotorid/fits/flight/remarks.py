@@ -166,11 +166,12 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
             )
         elif any(not octave.kept for octave in own):
             fitted = [octave for octave in own if octave.kept]
+            named = next((name for name in names if name in identified.fit.free), names[0])
             low, high = min(octave.low_hz for octave in fitted), max(octave.high_hz for octave in fitted)
             yield remark(
                 "torque_band",
                 word,
-                f"{names[0]} is from {low:g} to {high:g} Hz, where the motors explain {word} ({table}). Below and "
+                f"{named} is from {low:g} to {high:g} Hz, where the motors explain {word} ({table}). Below and "
                 "above, the controller and the air would make the torque of the motors look smaller than it is.",
                 low_hz=low,
                 high_hz=high,

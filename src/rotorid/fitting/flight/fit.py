@@ -209,6 +209,9 @@ class FlightFit(Immutable):
         self._set(values=self.values, missing=self.missing, predictor=self.predictor, **vectors, **tables)
 
 
+_SHORTEST_S = 6.0
+"""Three blocks of two seconds, by which errors are known."""
+
 _VECTORS = ("skews_s", "force_rms_n", "moment_rms_nm")
 _TABLES = ("winds", "wind_stds", "force_axes_n")
 
@@ -230,7 +233,8 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     UsageError
         Records and airframe have different numbers of rotors, or there is no record.
     InsufficientDataError
-        A record has no specific force along all axes.
+        A record has no specific force along all axes, or its motors never turn, or all together last
+        less than 6 s.
     """
     records = tuple(records)
     _check(records, airframe)
@@ -370,10 +374,15 @@ def covered(records: Sequence[MotorRecord], driven: Sequence[Motion]) -> FlightR
 def _check(records: Sequence[MotorRecord], airframe: Airframe) -> None:
     if not records:
         raise UsageError("no records were given", needed="at least one")
+    seconds = sum(record.duration_s for record in records)
+    if seconds < _SHORTEST_S:
+        raise InsufficientDataError(f"the flights last {seconds:.2g} s", needed=f"{_SHORTEST_S:g} s")
     for record in records:
         if record.outputs.shape[0] != airframe.rotors:
             raise UsageError(
                 f"{record.name} has {record.outputs.shape[0]} motors", needed=f"{airframe.rotors}, as in the layout"
             )
+        if not record.outputs.any():
+            raise InsufficientDataError(f"the motors of {record.name} stand still", needed="motors that turn")
         if not record.force.shape[1]:
             raise InsufficientDataError(f"{record.name} has no specific force", needed="three accelerometers")

@@ -581,7 +581,7 @@ def _table(
     for axis in axes:
         place = RATES.index(axis)
         shown = chain.excitations[0][axis] if chain is not None else None
-        for here in octaves(record, levers[place], np.diff(record.rates[place])):
+        for here in octaves(record, levers[place], np.diff(record.rates[place]), spin_up=axis == "r"):
             low, high = here.band_hz
             kept = shown is not None and shown.counts and shown.band_hz[0] < high and low < shown.band_hz[1]
             rows.append(Octave(axis, low, high, here.correlation, kept))

@@ -136,8 +136,7 @@ def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, 
     for lag_s in _LAGS_S:
         motors = motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / record.sample_rate_hz).level[:, 1:]
         for axis, mix, motion in zip(_AXES, mixing, moved, strict=True):
-            made = mix @ np.asarray(motors, dtype=np.float64)
-            rows = [made, np.diff(made, prepend=made[:1])] if spin_up and axis == "r" else [made]
+            rows = _made(mix @ np.asarray(motors, dtype=np.float64), spin_up=spin_up and axis == "r")
             slow = np.stack([_slow_part(row, record.sample_rate_hz) for row in rows])
             correlation = _correlation(_positive_part(slow, motion), motion)
             opposed = min(best[axis].opposed, correlation)
@@ -177,7 +176,7 @@ def _in_octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> E
     return together if together.counts else None
 
 
-def octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> list[Excitation]:
+def octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray, *, spin_up: bool = False) -> list[Excitation]:
     """How far the motors explain a rate in each octave.
 
     Parameters
@@ -188,28 +187,34 @@ def octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray) -> list[
         Of each rotor, one row of the levers of :func:`excitations`.
     motion
         Increments of the rate, shape ``(n - 1,)``.
+    spin_up
+        As for :func:`excitations`.
     """
-    torques = _torques(record, lever)
+    torques = _torques(record, lever, spin_up=spin_up)
     return [_best_in(band_hz, record, torques, motion) for band_hz in pairwise(_OCTAVES_HZ)]
 
 
-def _torques(record: MotorRecord, lever: FloatArray) -> dict[float, FloatArray]:
+def _torques(record: MotorRecord, lever: FloatArray, *, spin_up: bool = False) -> dict[float, list[FloatArray]]:
     """What the motors do, at several lags."""
     step_s = 1.0 / record.sample_rate_hz
-    return {
-        lag_s: lever @ motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=step_s).level[:, 1:].real
-        for lag_s in _LAGS_S
-    }
+    speeds = {lag_s: motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=step_s).level for lag_s in _LAGS_S}
+    return {lag_s: _made(lever @ level[:, 1:].real, spin_up=spin_up) for lag_s, level in speeds.items()}
+
+
+def _made(torque: FloatArray, *, spin_up: bool) -> list[FloatArray]:
+    """Torque of the motors, and its change where rotors turn the vehicle by what they gain of their speed too."""
+    return [torque, np.diff(torque, prepend=torque[:1])] if spin_up else [torque]
 
 
 def _best_in(
-    band_hz: tuple[float, float], record: MotorRecord, torques: Mapping[float, FloatArray], motion: FloatArray
+    band_hz: tuple[float, float], record: MotorRecord, torques: Mapping[float, Sequence[FloatArray]], motion: FloatArray
 ) -> Excitation:
     rate_hz = record.sample_rate_hz
     if band_hz[1] > _OF_RATE * rate_hz or record.samples / rate_hz * band_hz[0] < _FEWEST_CYCLES:
         return Excitation(0.0, _LAGS_S[0], band_hz=band_hz)
     shown = _band_part(motion, band_hz, rate_hz)
-    found = {lag_s: _correlation(_band_part(row, band_hz, rate_hz), shown) for lag_s, row in torques.items()}
+    made = {lag_s: np.stack([_band_part(row, band_hz, rate_hz) for row in rows]) for lag_s, rows in torques.items()}
+    found = {lag_s: _correlation(_positive_part(rows, shown), shown) for lag_s, rows in made.items()}
     lag_s = max(found, key=lambda lag_s: found[lag_s])
     return Excitation(found[lag_s], lag_s, band_hz=band_hz)
 

@@ -66,6 +66,19 @@ def test_hover_moves_along_the_covariance(fitted: FittedFlight) -> None:
         assert 10.0 * float(np.std(values)) == pytest.approx(fitted.hover[name].std, rel=0.06)
 
 
+def test_what_is_assumed_has_an_error(fitted: FittedFlight) -> None:
+    """Inertia of yaw as that of a flat vehicle, and what inflow takes, which a calm flight does not show."""
+    assert fitted.assumed == ("c_lambda", "I_zz")
+    values, std = fitted.parameters.values, dict(zip(fitted.bounds.names, fitted.bounds.std, strict=True))
+    for name in ("c_lambda", "I_zz"):
+        assert abs(values[name] - flown().truth[name]) < 2.0 * std[name], name
+    assert std["I_zz"] == pytest.approx(0.12 * values["I_zz"])
+    assert std["kappa"] / values["kappa"] > std["I_zz"] / values["I_zz"]
+    # Thrust in hover is measured all the same.
+    thrust = fitted.hover["thrust_coefficient"]
+    assert thrust.std / thrust.value < std["c_2"] / values["c_2"]
+
+
 def test_drag_points_are_measured_and_modeled(fitted: FittedFlight) -> None:
     points = drag_points(fitted)
     assert len(points) >= 5
