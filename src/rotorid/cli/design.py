@@ -171,7 +171,8 @@ def _for_tune(choices: DesignSettings, given: Path) -> DesignSettings:
     if not is_result(given):
         return designed_for_tune(choices, record=read(given))
     models = load_results([given])
-    if choices.prior is None and len(models) == 1:
+    # What begins at the motors is a vehicle, and no answer to commands.
+    if choices.prior is None and len(models) == 1 and models[0].motors is None:
         choices = replace(choices, prior=read_prior(given))
     return designed_for_tune(choices, models=models)
 

@@ -92,6 +92,9 @@ def with_prior(loop: LoopModel, prior: Prior) -> LoopModel:
         raise UsageError(
             f"{prior.source} leads from {', '.join(prior.structure.inputs)} to {', '.join(prior.structure.outputs)}",
             needed=f"commands and outputs of {loop.name}: {', '.join((*loop.inputs, *loop.outputs))}",
+            remedy="plan with a result that begins at the motors as --vehicle"
+            if any(name.startswith("motor_") for name in prior.structure.inputs)
+            else "",
         )
     return replace(loop, plant=_Overlaid(loop=loop, prior=prior, base=loop.plant))
 

@@ -37,6 +37,12 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
     own = next((model for model in given if model.name == name), None)
     if own is not None:
         return own
+    motors = next((model for model in given if model.motors is not None), None)
+    if not logs and motors is not None:
+        raise InsufficientDataError(
+            f"{motors.name} has the torque of the motors, but not the delay from command to rate that margins need",
+            remedy="give the log of that flight with the result",
+        )
     if not logs:
         raise InsufficientDataError(f"no model of {name} was given", remedy=f"run rotorid identify LOG --model {name}")
     candidates = [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]

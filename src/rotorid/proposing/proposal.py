@@ -166,7 +166,7 @@ class TuningProposal(Immutable):
     axes
         Those with a model and a controller.
     thrust
-        What linearizes thrust, with a fit of ``physical.motors``.
+        What linearizes thrust, with a fit of ``physical.motors`` or ``physical.flight``.
     scale
         Scale factor to a full-size helicopter, where it is known.
     robustness
@@ -232,7 +232,7 @@ def tune(
     ----------
     models
         Rate models of the axes, from ``identify``; missing ones are identified from the logs. A model
-        ``physical.motors`` adds the thrust curve.
+        ``physical.motors`` or ``physical.flight`` adds the thrust curve.
     records
         Logs, whose parameters give the flown controller.
     settings
@@ -494,9 +494,8 @@ def _thrust_remarks(thrust: ThrustLinearization) -> list[Finding]:
     if high - low <= _SAME_GAIN:
         return []
     message = (
-        f"Over the flown throttle, the loop gain is {low:.2f} to {high:.2f} times that in hover (from "
-        "physical.motors). "
-        "The new gains keep their limits over this whole range."
+        f"Over the flown throttle, the loop gain is {low:.2f} to {high:.2f} times that in hover, by the identified "
+        "thrust curve. The new gains keep their limits over this whole range."
     )
     return [remark("thrust_range", thrust.parameter, message, lowest=low, highest=high)]
 

@@ -91,7 +91,7 @@ class ThrustLinearization(Immutable):
 def linearization(
     models: Sequence[IdentifiedModel], record: FlightRecord | None, *, autopilot: str, seed: int = 0
 ) -> ThrustLinearization | None:
-    """The parameter that linearizes thrust, by a fit of ``physical.motors``; ``None`` without one.
+    """The parameter that linearizes thrust, by a fit of ``physical.motors`` or ``physical.flight``; ``None`` without.
 
     Parameters
     ----------
@@ -199,6 +199,8 @@ def _stays(
             f"{kind.name} is not changed: the throttle did not move, so the thrust curve was assumed. Fly "
             "throttle steps."
         )
+    elif model.flight is not None and "c_1" not in model.parameters:
+        message = f"{kind.name} is not changed: these flights do not show the bend of thrust. Fly throttle steps."
     elif "c_2" not in model.parameters or "c_1" not in model.parameters:
         message = (
             f"{kind.name} is not changed: thrust was fitted as {model.motors.curve}. Fly throttle steps and identify "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from tests.unit.cli.commands import rotorid
 from tests.unit.flying.flights import OF_OUTPUTS, flight
 
 from rotorid.documents.result import save
+from rotorid.proposing.thrust import linearization
+from rotorid.results.summary import ControllerSettings
+from rotorid.vehicles.catalog import aircraft
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +50,35 @@ def test_export_shows_drag_and_lift_at_speed(saved: Path, tmp_path: Path) -> Non
     assert ran.code == 0, ran.err
     rows = {row["name"]: row for row in json.loads(ran.out)["quantities"]}
     assert rows["drag at 10 m/s"]["held"] == rows["lift gained at 10 m/s"]["held"] == "exact"
+
+
+def test_tune_names_what_gains_need_beyond_it(saved: Path, tmp_path: Path) -> None:
+    ran = rotorid("tune", saved, "--out", tmp_path / "gains", "--json")
+    assert ran.code == 1
+    reasons = [finding["message"] for finding in json.loads(ran.out)["findings"] if finding["kind"] == "not_tuned"]
+    assert len(reasons) == 3
+    assert all("delay from command to rate" in reason and "log of that flight" in reason for reason in reasons)
+
+
+def test_its_thrust_curve_is_that_of_tune() -> None:
+    bent = linearization([flight({**OF_OUTPUTS, "c_1": 3.0})], None, autopilot="PX4")
+    assert bent is not None
+    # A square has twice the share of its bend in the slope: PX4 straightens c_2 / (c_1 + c_2) at the share of hover.
+    assert 0.5 < bent.best.value < 1.0
+    square = linearization([flight()], None, autopilot="PX4")
+    assert square is not None
+    assert [finding.message for finding in square.findings if "do not show the bend" in finding.message]
+
+
+@pytest.mark.slow
+def test_a_sweep_for_tune_is_planned_for_the_vehicle_that_it_makes(tmp_path: Path) -> None:
+    gains = dict(aircraft("x500").autopilot.parameters)
+    controller = ControllerSettings(autopilot="px4", firmware="PX4", loop_rate_hz=250.0, gains=gains, filters={})
+    save(replace(flight(), controller=controller), tmp_path / "result")
+    ran = rotorid(
+        *("design", "sweep", "--vehicle", tmp_path / "result", "--like", "x500", "--axis", "roll", "--duration", "20"),
+        *("--for-tune", tmp_path / "result", "--out", tmp_path / "plan", "--json"),
+    )
+    assert ran.code in (0, 1), ran.err
+    plan = json.loads((tmp_path / "plan" / "plan.json").read_text(encoding="utf-8"))
+    assert plan["inputs"]

@@ -136,6 +136,26 @@ def test_mujoco_flies_as_rotorid_does_with_all_of_it(tmp_path: Path) -> None:
         assert theil_inequality(mine[name], theirs[name]) < 0.02, name
 
 
+def test_mujoco_brakes_at_speed_as_it_was_identified(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    vehicle, speed = flew(), 8.0
+    body = body_of(vehicle)
+    loop: Any = imported(made("mujoco", vehicle), tmp_path, "vehicle_fly.py")
+    model, data = loop.load()
+    data.qvel[0] = speed
+    for _ in range(20):
+        loop.step(model, data, body.hover_shares)
+    seconds = 20 * STEP_S
+    drag_m_s2, lift_m_s2 = (speed - data.qvel[0]) / seconds, data.qvel[2] / seconds
+    identified = accelerations_of(body, body.hover_shares, np.array([speed, 0.0, 0.0]))
+    still = accelerations_of(body, body.hover_shares, np.zeros(3))
+    # It pitches up a little on the way.
+    assert drag_m_s2 == pytest.approx(still[0] - identified[0], rel=0.03)
+    assert drag_m_s2 == pytest.approx(-speed * vehicle.numbers["X_u"].value, rel=0.03)
+    assert lift_m_s2 == pytest.approx(still[2] - identified[2], rel=0.03)
+    assert lift_m_s2 > 0.4
+
+
 def test_files_hold_the_numbers_of_the_rotors() -> None:
     vehicle = flew(FULL)
     body = body_of(vehicle)
