@@ -48,8 +48,8 @@ KNOWN = {"I_zz": 5e-5}
 """Only its ratio to the torque of the rotors acts."""
 
 BARS = {"position": 0.13, "velocity": 0.27, "attitude": 0.62, "rates": 1.0}
-VEHICLE = {"position": 0.24, "velocity": 0.72, "attitude": 1.35, "rates": 1.2}
-PREDICTOR = {"position": 0.17, "velocity": 0.5, "attitude": 0.95, "rates": 0.88}
+VEHICLE = {"position": 0.18, "velocity": 0.53, "attitude": 0.92, "rates": 0.89}
+PREDICTOR = {"position": 0.145, "velocity": 0.43, "attitude": 0.79, "rates": 0.72}
 """What was reached, and a sixth more."""
 
 ENDS = slice(60, -10)
@@ -126,14 +126,19 @@ def test_steps_ahead_are_predicted_as_well_as_before(
 
 
 def test_rates_are_predicted_better_than_by_keeping_them(unseen: dict[str, StepErrors]) -> None:
-    assert unseen["predictor"].ratios["rates"] < BARS["rates"]
+    assert all(unseen[kind].ratios["rates"] < BARS["rates"] for kind in unseen)
+
+
+def test_positions_are_predicted_as_well_as_by_the_best_published_model(unseen: dict[str, StepErrors]) -> None:
+    """0.123 of the predictor."""
+    assert unseen["predictor"].ratios["position"] <= BARS["position"]
 
 
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
-    reason="roll and pitch moments below 1 Hz differ from run to run by what moves the center of gravity 0.5 mm: "
-    "7 rad/s^2, which half a second makes a rotation of 50 degrees",
+    reason="0.37 of 0.27 in velocity, all of it by attitude (0.14 with the true one), and 0.68 of 0.62 in attitude: "
+    "moments below 1 Hz follow airspeed 40 to 90 ms late, which no inflow of momentum theory does",
 )
 def test_steps_ahead_are_predicted_as_well_as_by_the_best_published_models(unseen: dict[str, StepErrors]) -> None:
     ratios = unseen["predictor"].ratios
