@@ -15,9 +15,7 @@ from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import Quantity, milliseconds
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord
 from rotorid.errors import InsufficientDataError
-
-YAW_RAD = math.radians(90.0)
-"""Turn of the heading from which wind, fixed to the earth, differs from a bias, fixed to the body."""
+from rotorid.models.flight import QUARTER_TURN_RAD
 
 LATE_S = 0.05
 """Delay of the velocity that costs 2 % of drag."""
@@ -94,11 +92,11 @@ def wind_or_bias(turned_rad: float, where: str) -> tuple[Finding, ...]:
     turned_rad
         Range of the heading in flight.
     """
-    if turned_rad >= YAW_RAD:
+    if turned_rad >= QUARTER_TURN_RAD:
         return ()
     message = (
-        f"The heading turned by {math.degrees(turned_rad):.0f}°; {math.degrees(YAW_RAD):.0f}° are needed to separate "
-        "wind from accelerometer bias, which counts as zero. Fly both ways, or turn once while hovering."
+        f"The heading turned by {math.degrees(turned_rad):.0f}°; {math.degrees(QUARTER_TURN_RAD):.0f}° are needed to "
+        "separate wind from accelerometer bias, which counts as zero. Fly both ways, or turn once while hovering."
     )
     return (warn("wind_or_bias", where, message, turned_rad=turned_rad),)
 

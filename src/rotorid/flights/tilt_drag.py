@@ -60,6 +60,7 @@ from rotorid.data.record import FlightRecord, Intervals, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import flown
 from rotorid.frames import body_to_earth, rates_from_attitude
+from rotorid.models.flight import ALONG_BODY_BIAS_M_S2
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
 from rotorid.signal.kinematics import derivative, to_body
 from rotorid.typing import BoolArray, FloatArray
@@ -85,9 +86,6 @@ _LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
 
 _WORST = 0.25
 """Standard deviation over drag from which there is none."""
-
-_BIAS_M_S2 = 0.2
-"""Standard deviation of the accelerometer along the body, mostly its alignment with the rotors."""
 
 _SCATTER = 0.015
 """Standard deviation of rotor drag between flights of one vehicle, as a share: assumed for one flight."""
@@ -628,7 +626,7 @@ class _Wind:
 
 def _wind(log: Sequence[_Stretch], at_rest: float, square: float) -> _Wind:
     """Wind by what braking leaves at all frequencies, with the bias as a number that is known to 0.2 m/s²."""
-    found, known = np.zeros(4), np.diag([0.0, 0.0, _BIAS_M_S2**-2, _BIAS_M_S2**-2])
+    found, known = np.zeros(4), np.diag([0.0, 0.0, ALONG_BODY_BIAS_M_S2**-2, ALONG_BODY_BIAS_M_S2**-2])
     seconds = sum(stretch.seconds for stretch in log)
     for _ in range(_ROUNDS if square else 1):
         left, slopes = _wind_columns(log, found, at_rest, square)

@@ -62,6 +62,12 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 AIR_DENSITY_KG_M3 = 1.225
+
+ALONG_BODY_BIAS_M_S2 = 0.2
+"""Standard deviation of an accelerometer along the body: mostly its tilt against the plane of the rotors, 1.2°."""
+QUARTER_TURN_RAD = 0.5 * np.pi
+"""Turn of the heading from which wind, fixed to the earth, differs from a bias, fixed to the body."""
+
 _NEWTON_STEPS = 12
 _STILL_M_S = 1e-6
 _LEAST_SLOPE = 0.3

@@ -16,7 +16,7 @@ The wind of a record is what drag needs to have no mean over the earth:
 
 with the residual r of the specific force, five times over. Winds too stay only if they lower the error of data that
 were not fitted, since there is none in a room. A bias of the accelerometer is the same in body axes, and counts as zero
-within 0.05 m/s²: where the heading turns by less than a quarter of a circle, wind is no better known than that.
+within 0.2 m/s²: where the heading turns by less than a quarter of a circle, wind is no better known than that.
 """
 
 from __future__ import annotations
@@ -43,7 +43,15 @@ from rotorid.fitting.flight.force import (
 )
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
 from rotorid.frames import earth_to_body
-from rotorid.models.flight import CURVE_TERMS, FORCE_TERMS, Airframe, full_thrust, hover_thrust
+from rotorid.models.flight import (
+    ALONG_BODY_BIAS_M_S2,
+    CURVE_TERMS,
+    FORCE_TERMS,
+    QUARTER_TURN_RAD,
+    Airframe,
+    full_thrust,
+    hover_thrust,
+)
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -71,9 +79,7 @@ _ROUNDS = 5
 _SETTLED, _SETTLED_M_S = 1e-4, 0.005
 _TOGETHER_S = 1.0
 _BLOCK_S = 2.0
-_BIAS_M_S2 = 0.05
 _WIND_M_S, _STORM_M_S = 5.0, 15.0
-_QUARTER_TURN = 0.5 * np.pi
 _USUAL_DRAG_1_S = 0.3
 
 _USUAL_SHARE = 1.35
@@ -454,8 +460,8 @@ class _Search:
             left = part.measured - np.tensordot(found, part.columns, 1)
             _, variance = _wind(columns, left, part.sample_rate_hz)
             turned = float(np.ptp(np.unwrap(self.records[place].attitude[2])))
-            if turned < _QUARTER_TURN:
-                variance = variance + (_BIAS_M_S2 / max(float(np.abs(columns).max()), 1e-9)) ** 2
+            if turned < QUARTER_TURN_RAD:
+                variance = variance + (ALONG_BODY_BIAS_M_S2 / max(float(np.abs(columns).max()), 1e-9)) ** 2
             stds[place] = np.sqrt(variance)
         return stds
 
