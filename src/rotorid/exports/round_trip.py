@@ -27,6 +27,7 @@ import numpy as np
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.display import listed
 from rotorid.exports.target import Compared, Fidelity
+from rotorid.flying.vehicle_air import AIR_UNITS
 from rotorid.simulation.linearization import hover_slopes
 from rotorid.simulation.multirotor import STATES
 from rotorid.typing import FloatArray
@@ -59,7 +60,7 @@ _DERIVATIVES: Mapping[str, tuple[int, int, str]] = {
 }
 """Rows and columns of ``A``."""
 
-AIR = ("c_lambda", "k_w", "c_h", "c_hw", "c_ha", "c_wake", "d_z", "m_f", "m_s", "kappa_lambda", "k_r")
+AIR = tuple(name for name in AIR_UNITS if name != "k_d")
 """What moving air does to rotors and body beyond drag that is linear, in the names of `rotorid.models.flight`."""
 
 _STEP = 1e-4
