@@ -35,9 +35,9 @@ from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.fitting.flight.ladder import wind_of
-from rotorid.fitting.flight.moment import center_of
+from rotorid.fitting.flight.moment import center_of, turned_axes
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds, velocity_class
-from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, excitations, in_band
+from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorFlight, rotors_of
@@ -273,11 +273,11 @@ class FlightPredictor(Immutable):
         record = stretch.flight.record
         rows = {**self._forces(stretch), **self._accelerations(stretch)}
         outside_percent, outside = self._outside(stretch)
-        turning = self._turning(record)
+        turning = turned_axes(self.parameters.values, self.airframe, record, stretch.driven)
         moved = tuple(
             name
             for name, (measured, _) in rows.items()
-            if (measured.std() >= _MOVED_M_S2 if name in ACCELERATIONS else name in turning)
+            if (measured.std() >= _MOVED_M_S2 if name in ACCELERATIONS else name.removesuffix("_dot") in turning)
         )
         return Verification(
             record=record.name,
@@ -301,12 +301,6 @@ class FlightPredictor(Immutable):
                 center=dict(stretch.center),
             ),
         )
-
-    def _turning(self, record: MotorRecord) -> set[str]:
-        """Angular accelerations that motors make in this flight, rightly or not: the others judge no vehicle."""
-        x, y, _ = self.airframe.positions.T
-        (found,) = excitations([record], np.stack([-y, x, self.airframe.spins]), spin_up=True)
-        return {f"{axis}_dot" for axis, one in found.items() if max(one.correlation, -one.opposed) >= LEAST_CORRELATION}
 
     def _forces(self, stretch: _Stretch) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Slow specific force along each axis, measured and modeled."""

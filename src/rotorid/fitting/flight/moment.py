@@ -368,6 +368,24 @@ def center_of(values: Mapping[str, float], airframe: Airframe, record: MotorReco
     return {name: values.get(name, 0.0) + shift for name, shift in moved.items() if np.isfinite(shift)}
 
 
+def turned_axes(
+    values: Mapping[str, float], airframe: Airframe, record: MotorRecord, driven: Motion
+) -> tuple[str, ...]:
+    """Axes that the motors turn in a flight, rightly or the other way: the others judge no vehicle.
+
+    As for a fit, thrust in moving air has to explain roll and pitch, and speeds yaw.
+    """
+    air = rotor_air(airframe, driven.velocity, driven.rates, inflow_thrust(values, airframe, driven.speeds))
+    thrust = rotor_thrusts(values, airframe, driven.speeds, air)
+    rates = _free_rates(record, _matrix(values), _side_moments(values, airframe, driven, air))
+    found: list[str] = []
+    for axes, outputs in (("pq", thrust), ("r", driven.speeds)):
+        thinned = _thinned(record, outputs, rates)
+        (shown,) = excitations([thinned], _levers(airframe), spin_up=axes == "r")
+        found += [a for a in axes if max(shown[a].correlation, -shown[a].opposed) >= LEAST_CORRELATION]
+    return tuple(found)
+
+
 def motor_lag(records: Sequence[MotorRecord], airframe: Airframe) -> MotorFit | None:
     """Lag and delay of motors known by their outputs, as ``physical.motors`` finds them from roll and pitch.
 
