@@ -39,6 +39,8 @@ class ScoreRow:
         In words.
     moved
         Whether it moved enough in the maneuver to judge the model.
+    still
+        Why it does not judge the model, where it does not.
     tic, fit, verdict, rms, shift
         Of the open loop; a command has none, for it drives it.
     ahead
@@ -49,6 +51,7 @@ class ScoreRow:
 
     output: str
     moved: bool
+    still: str = "almost no motion"
     tic: str = MISSING
     fit: str = MISSING
     verdict: Verdict | None = None
@@ -75,6 +78,7 @@ def _output(check: Verification, name: str, moved: bool) -> ScoreRow:
     return ScoreRow(
         output=paper.words,
         moved=moved,
+        still="motors do not explain it" if check.flight is not None and name.endswith("_dot") else "almost no motion",
         tic=significant(scores.tic, digits=2),
         fit=significant(scores.nrmse_fit_percent, digits=2),
         verdict=prediction_verdict(scores.tic, scores.nrmse_fit_percent) if moved else None,
@@ -139,7 +143,7 @@ def check_section(check: Verification, *, key: str) -> Check:
         verdict=maneuver_verdict(verdict(check)) if check.scores else None,
         scores=score_rows(check),
         horizons=horizons(check),
-        j_rms=significant(check.j_rms, digits=2),
+        j_rms=significant(check.j_rms, digits=2) if check.j_rms > 0.0 else MISSING,
         picture=Picture(
             key=key, description=f"Measured and predicted outputs {what}", figure=drawn(verification, check)
         ),
@@ -414,10 +418,13 @@ def _closed_loop(document: VerifyDocument) -> str:
 
 
 def j_rms_sentence(document: VerifyDocument) -> str:
-    """J_rms of all maneuvers against its guideline, in both readings where the scale is given; empty without any."""
-    if not document.maneuvers:
+    """J_rms of all maneuvers against its guideline, in both readings where the scale is given; empty without any.
+
+    Specific forces and angular accelerations, by which a model of flight is judged, are neither degrees nor feet.
+    """
+    values = [check.j_rms for check in document.maneuvers if check.j_rms > 0.0]
+    if not values:
         return ""
-    values = [check.j_rms for check in document.maneuvers]
     ends = dict.fromkeys(significant(value, digits=2) for value in (min(values), max(values)))
     return f"J_rms is {' to '.join(ends)} in degrees and feet. {_guideline(document.j_rms_guideline)}"
 
