@@ -43,6 +43,8 @@ from rotorid.signal.motors import Kind
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _MARGIN_S = 1.0
+_AT_ONCE_S, _RESTING_M_S, _LIFT_OFF_M_S = 0.1, 0.1, 0.5
+"""A log begins with lift-off where it begins this soon, so slow, and climbs so fast within the margin."""
 """Left out after take-off and before landing, where the ground carries a part of the weight."""
 
 USUAL_DISC_SHARE = 0.8
@@ -333,7 +335,23 @@ def _in_air(record: FlightRecord) -> Sequence[tuple[float, float]]:
         if never_flew(error):
             raise
         return (longest_flight(record),)
-    return found.intervals if found.by_thrust else ((record.start_s, record.stop_s),)
+    flights = found.intervals if found.by_thrust else ((record.start_s, record.stop_s),)
+    return tuple((_off_the_ground(record, start_s), stop_s) for start_s, stop_s in flights)
+
+
+def _off_the_ground(record: FlightRecord, start_s: float) -> float:
+    """The start of a flight, later by the margin where the log begins with lift-off: at rest, and climbing at once.
+
+    The ground turns the vehicle as no motor does.
+    """
+    if start_s - record.start_s > _AT_ONCE_S or any(name not in record.channel_names for name in EARTH_VELOCITIES):
+        return start_s
+    tracks = [record[name] for name in EARTH_VELOCITIES]
+    moving = [track.values[np.abs(track.time_s - start_s) <= _MARGIN_S] for track in tracks]
+    if any(values.size == 0 for values in moving):
+        return start_s
+    resting = float(np.linalg.norm([values[0] for values in moving])) < _RESTING_M_S
+    return start_s + _MARGIN_S if resting and -float(moving[2].min()) > _LIFT_OFF_M_S else start_s
 
 
 def velocity_channels(record: FlightRecord, stretch: Maneuver) -> tuple[str, ...]:

@@ -69,6 +69,22 @@ def test_a_velocity_that_never_moves_counts_as_not_logged(layout: str) -> None:
     assert data.velocity == "attitude"
 
 
+@pytest.mark.parametrize(("rising_m_s", "begins_s"), [(0.0, 0.0), (1.5, 1.0)])
+def test_a_log_that_begins_with_lift_off_loses_its_first_second(
+    rising_m_s: float, begins_s: float, layout: str
+) -> None:
+    record = flown().record
+    (topic,) = record.topics
+    values = np.array(topic.values)
+    rows = [row for row, channel in enumerate(topic.channels) if channel.name in VELOCITY]
+    first = topic.time_s < topic.time_s[0] + 1.0
+    values[np.ix_(rows, first)] = 0.0
+    down = next(row for row, channel in enumerate(topic.channels) if channel.name == "velocity_down")
+    values[down, first] = -rising_m_s * (topic.time_s[first] - topic.time_s[0])
+    (found,) = read(replace(record, topics=(replace(topic, values=values),)), layout).records
+    assert found.start_s - topic.time_s[0] == pytest.approx(begins_s, abs=0.05)
+
+
 def test_a_given_stretch_is_taken_as_it_is(layout: str) -> None:
     part = Maneuver(axis="thrust", kind="other", start_s=4.0, stop_s=17.0, origin="given")
     (record,) = read(flown().record, layout, segments=(part,)).records
