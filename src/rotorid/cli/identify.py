@@ -295,6 +295,8 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
     """The table of parameters and its rows."""
     from rich.table import Table
 
+    from rotorid.report.words import status_word
+
     again = document.bootstrap
     table = Table(title=document.model, title_justify="left", box=None, pad_edge=False)
     table.add_column("parameter")
@@ -310,7 +312,7 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
             continue
         spread = [] if again is None else [f"{again.parameters[name].std:.2g}" if name in again.parameters else ""]
         numbers = error_columns(parameter.value, parameter.std, digits=5)
-        rows.append((name, *numbers, *spread, parameter.unit, *_percents(parameter), parameter.status))
+        rows.append((name, *numbers, *spread, parameter.unit, *_percents(parameter), status_word(document, name)))
     return table, rows
 
 

@@ -24,7 +24,7 @@ from rotorid.autopilots.advice import logging_advice
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord, Intervals, Maneuver, MotorRecord, places
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Intervals, Maneuver, MotorRecord, places
 from rotorid.errors import InsufficientDataError, ModelError, nearest_name
 from rotorid.fitting.flight.motion import VelocityClass, velocity_class
 from rotorid.flights.flights import Flight, longest_flight, never_flew
@@ -160,8 +160,8 @@ def flight_data(
     Raises
     ------
     InsufficientDataError
-        A log lacks motors, rotors, gyros or accelerometer, no flight lasts 10 s, or nobody knows the size of the
-        vehicle.
+        A log lacks motors, rotors, gyros or accelerometer, or has them too slowly, no flight lasts 10 s, or nobody
+        knows the size of the vehicle.
     UsageError
         Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
@@ -173,10 +173,30 @@ def flight_data(
         layout=layout,
         reading=Reading(flown_stretches, _channels),
     )
+    _require_rates(motors)
     skews_s, unknown = _skews(motors)
     late = [finding for _, findings in prompt for finding in findings]
     motors = motors._replace(findings=(*motors.findings, *late, *unknown))
     return FlightMotion(motors, given_airframe(motors.layout, choices), skews_s)
+
+
+def _require_rates(motors: MotorData) -> None:
+    """Refuse motors, gyros and accelerometers that are slower than motors act."""
+    records = {id(flight.record): flight.record for flight in motors.flights}.values()
+    for record, history in zip(records, motors.histories, strict=True):
+        sensors_hz = min(record.rate_hz(name) for name in (*RATES, *ACCELERATIONS))
+        for what, rate_hz, names in (
+            ("motors", history.sample_rate_hz, ("motor_1",)),
+            ("gyros or accelerometers", sensors_hz, ACCELERATIONS),
+        ):
+            if rate_hz < LOWEST_RATE_HZ:
+                came = f"the {what} of {record.source.name} are logged at {rate_hz:.0f} Hz"
+                raise InsufficientDataError(
+                    came,
+                    needed=f"{LOWEST_RATE_HZ:.0f} Hz or more, to see how they move the vehicle",
+                    remedy=logging_advice(record, rate_hz, names),
+                    findings=[refusal("rate_too_low", what, f"{came[:1].upper()}{came[1:]}."), *motors.findings],
+                )
 
 
 _OF_MOTORS_S = 0.003

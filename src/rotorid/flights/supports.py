@@ -24,7 +24,9 @@ from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.instruments import find_instrument, is_free, own_instrument
+from rotorid.flights.motor_band import fastest_motors
 from rotorid.flights.oscillations import limits_shown, motors_limited, reviewed_oscillations
+from rotorid.flights.tilt_drag import LEAST_SPEED_M_S
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_model_of
 from rotorid.models.library import RATE_AXES, library_model
@@ -574,6 +576,9 @@ def _flight_support(record: FlightRecord, model: str) -> Support | None:  # noqa
     motors = or_none(logged_speeds, record) or or_none(logged_outputs, record)
     if motors is None:
         return None
+    if motors.sample_rate_hz < LOWEST_RATE_HZ:
+        # The mixer of the vehicle may give them faster.
+        motors = or_none(_fastest_motors, record) or motors
     stretch = _longest_flight(record)
     flown_s = stretch.duration_s if stretch else 0.0
     sensors_hz = min(record.rate_hz(name) for name in (*RATES, *ACCELERATIONS))
@@ -618,8 +623,13 @@ def _flight_support(record: FlightRecord, model: str) -> Support | None:  # noqa
 _NO_SIZE = "not_identifiable"
 """What a vehicle lacks whose size nobody knows."""
 
-_MOVED_M_S, _TILTED_RAD, _FELT_M_S2 = 1.0, 0.1, 1.0
+_MOVED_M_S, _TILTED_RAD, _FELT_M_S2 = LEAST_SPEED_M_S, 0.1, 1.0
 """Standard deviations of horizontal velocity, tilt, or force along the rotors from which a flight shows the air."""
+
+
+def _fastest_motors(record: FlightRecord) -> MotorHistory:
+    """The motors as a fit takes them."""
+    return fastest_motors(record, layout_of(record))
 
 
 def _longest_flight(record: FlightRecord) -> Maneuver | None:

@@ -81,7 +81,7 @@ _EDGE_S = 3.0
 _SHORTEST_S, _FEWEST_S = 10.0, 20.0
 """Length of a stretch, and of all of them."""
 
-_LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
+LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
 """Motion in the band, rms, and its correlation with the instrument."""
 
 _WORST = 0.25
@@ -160,23 +160,15 @@ class TiltDrag(Immutable):
     def top_speed(self, tilt_rad: float = TOP_SPEED_TILT_RAD) -> Quantity:
         r"""Airspeed of level flight at a tilt, m/s.
 
-        Drag along the body balances gravity, :math:`(d + c\,V\cos\vartheta)\,V\cos\vartheta = g \sin\vartheta`; without
-        a quadratic part :math:`V = g \tan\vartheta / d`. Beyond the airspeed that was flown it is an extrapolation, and
-        a drag that grows with the square makes it smaller.
+        Drag along the body balances gravity, :math:`(d + c\,V\cos\vartheta)\,V\cos\vartheta = g \sin\vartheta`. Where
+        the flight does not show c for sure, :func:`top_speed` says what it may be.
         """
-        force, along = STANDARD_GRAVITY_M_S2 * math.sin(tilt_rad), math.cos(tilt_rad)
         if self.quadratic is None or self.at_rest is None or self.quadratic.lower <= 0.0:
-            ends = [force / (along * slope) for slope in (self.drag.upper, self.drag.lower)]
-            value, std = force / (along * self.drag.value), force / along * self.drag.std / self.drag.value**2
-            return Quantity(value=value, std=std, lower=ends[0], upper=ends[1], unit="m/s")
-
-        def speed(d: float, c: float) -> float:
-            return (math.sqrt(d * d + 4.0 * c * force) - d) / (2.0 * c * along)
-
+            return top_speed(self.drag, self.airspeed_m_s[1], tilt_rad)
         d, c = self.at_rest, self.quadratic
-        value = speed(d.value, c.value)
+        value = _level_speed(d.value, c.value, tilt_rad)
         # Far beyond the speeds that were flown the square counts, whatever the two share of their errors.
-        upper, lower = speed(d.value, c.lower), speed(d.value, c.upper)
+        upper, lower = _level_speed(d.value, c.lower, tilt_rad), _level_speed(d.value, c.upper, tilt_rad)
         return Quantity(value=value, std=(upper - lower) / (2.0 * TWO_SIDED_95), lower=lower, upper=upper, unit="m/s")
 
     def findings(self, where: str = "flight.drag") -> tuple[Finding, ...]:
@@ -190,6 +182,41 @@ class TiltDrag(Immutable):
             "against make the first too large. The first one counts."
         )
         return (warn("both_ways_disagree", where, message, drag_1_s=self.drag.value, plain_1_s=self.plain.value),)
+
+
+def top_speed(drag: Quantity, flown_m_s: float, tilt_rad: float = TOP_SPEED_TILT_RAD) -> Quantity:
+    r"""Airspeed of level flight at a tilt by a drag over mass that is known up to some airspeed, m/s.
+
+    In proportion to the airspeed, :math:`V = g \tan\vartheta / d`. Beyond what was flown drag may grow with the square:
+    the lower end is that of one that is all square and as large at the airspeed flown, :math:`c = d / v`.
+
+    Parameters
+    ----------
+    drag
+        1/s.
+    flown_m_s
+        The airspeed up to which it is known.
+    tilt_rad
+        Of the flight.
+
+    Examples
+    --------
+    >>> found = top_speed(Quantity.normal(0.3, 0.01, "1/s"), 4.0)
+    >>> round(found.value, 1), round(found.lower, 1), round(found.upper, 1)
+    (18.9, 9.0, 20.2)
+    """
+    value, lower, upper = (_level_speed(slope, 0.0, tilt_rad) for slope in (drag.value, drag.upper, drag.lower))
+    if lower > flown_m_s > 0.0:
+        lower = _level_speed(0.0, drag.upper / flown_m_s, tilt_rad)
+    return Quantity(value=value, std=(upper - lower) / (2.0 * TWO_SIDED_95), lower=lower, upper=upper, unit="m/s")
+
+
+def _level_speed(d: float, c: float, tilt_rad: float) -> float:
+    """Airspeed at which drag :math:`(d + c v) v` along the body holds gravity, m/s."""
+    force, along = STANDARD_GRAVITY_M_S2 * math.sin(tilt_rad), math.cos(tilt_rad)
+    if c == 0.0:
+        return force / (along * d)
+    return (math.sqrt(d * d + 4.0 * c * force) - d) / (2.0 * c * along)
 
 
 def tilt_drag(record: FlightRecord, stretches: Intervals) -> TiltDrag:
@@ -283,10 +310,10 @@ _FLY = "fly back and forth and to both sides for 60 s, at 1 m/s and more"
 
 def _require_motion(name: str, solved: _Solved) -> None:
     """Refuse a flight that hardly moved, or whose velocity does not follow its tilt."""
-    if solved.speed_m_s < _LEAST_SPEED_M_S:
+    if solved.speed_m_s < LEAST_SPEED_M_S:
         raise InsufficientDataError(
             f"the horizontal motion of {name} is {solved.speed_m_s:.2g} m/s rms",
-            needed=f"{_LEAST_SPEED_M_S:g} m/s, to measure drag",
+            needed=f"{LEAST_SPEED_M_S:g} m/s, to measure drag",
             remedy=_FLY,
         )
     if not solved.correlation >= _LEAST_CORRELATION:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.identifying.motors import straightening_of
-from rotorid.models.flight import INERTIA
+from rotorid.models.flight import FLIGHT_PARAMETERS, INERTIA
 from rotorid.models.motors import CURVE_TERMS
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
@@ -37,7 +37,7 @@ from rotorid.results.summary import (
 )
 from rotorid.settings.motors import MotorSettings
 from rotorid.settings.verifying import VerifySettings
-from rotorid.uncertainty.identifiability import unseen_combinations
+from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ class Flights:
                 used=np.zeros(response.values.shape, dtype=np.bool_),
                 simulated=tuple(simulated_record(flown) for flown in fitted.predicted),
             ),
-            combinations=unseen_combinations(fitted.parameters, fitted.bounds) if fitted.bounds.names else (),
+            combinations=tuple(_unseen(fitted)),
             motors=_motors(fitted),
             flight=flight_physics(fitted),
         )
@@ -138,6 +138,18 @@ class Flights:
             *judge_flight(fitted, self.settings, report.fit.fit_percent or {}),
             *judge_combinations(report.combinations),
         )
+
+
+def _unseen(fitted: FittedFlight) -> Iterator[Combination]:
+    """What the flights cannot separate; a place that may be zero is no less known for a large share of it."""
+    found = unseen_combinations(fitted.parameters, fitted.bounds) if fitted.bounds.names else ()
+    for one in found:
+        if not all(FLIGHT_PARAMETERS[name].absolute for name in one.names or [max(one.vector, key=_size_in(one))]):
+            yield one
+
+
+def _size_in(one: Combination) -> Callable[[str], float]:
+    return lambda name: abs(one.vector[name])
 
 
 def flight_physics(fitted: FittedFlight) -> FlightPhysics:

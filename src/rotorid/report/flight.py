@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
-from rotorid.data.quantity import MISSING, significant, unit, with_error
+from rotorid.data.quantities import QUANTITIES
+from rotorid.data.quantity import MISSING, TWO_SIDED_95, Quantity, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
+from rotorid.flights.tilt_drag import top_speed
 from rotorid.models.flight import FLIGHT_PARAMETERS, flight_loads, speeds_of_outputs
 from rotorid.plot.flight import drag_by_airspeed, thrust_in_air
 from rotorid.report.frame import Picture, drawn
 from rotorid.report.motors import VehicleRow
 from rotorid.report.parts import Shown
+from rotorid.report.words import status_word
 from rotorid.results.summary import FlightPhysics, MotorPhysics, airframe_of
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -131,27 +133,26 @@ def air_rows(document: ResultDocument, flight: FlightPhysics) -> tuple[VehicleRo
         estimate = document.parameters.get(name)
         if estimate is not None and name not in _IN_TABLES:
             value = with_error(estimate.value, estimate.std)
-            note = "given" if estimate.status == "fixed" else ""
+            status = status_word(document, name)
+            note = {"fixed": "given", "assumed": f"assumed: {flight.missing.get(name)}"}.get(status, "")
             words = about.about[:1].upper() + about.about[1:]
             found.append(VehicleRow(words=words, symbol=name, value=value, unit=unit(estimate.unit), note=note))
     for name, why in flight.missing.items():
+        if name in document.parameters:
+            continue
         words = FLIGHT_PARAMETERS[name].about if name in FLIGHT_PARAMETERS else name
         words = words[:1].upper() + words[1:]
         found.append(VehicleRow(words=words, symbol=name, value=MISSING, unit="", note=why, known=False))
     return tuple(found)
 
 
-_TOP_TILT = math.radians(30.0)
-
-
 def drag_words(flight: FlightPhysics) -> str:
-    """The top speed at 30° that rotor drag alone allows; empty where there is no drag."""
+    """The top speed at 30° that rotor drag alone allows; empty where drag is not surely there."""
     drag = flight.hover.get("drag")
-    if drag is None or not drag.value > 0.0:
+    if drag is None or not drag.value > TWO_SIDED_95 * drag.std:
         return ""
-    return (
-        f"top speed at 30° about {significant(STANDARD_GRAVITY_M_S2 * math.tan(_TOP_TILT) / drag.value, digits=2)} m/s"
-    )
+    found = top_speed(Quantity.normal(drag.value, drag.std, drag.unit), flight.limits.edge_m_s[1])
+    return f"top speed at 30° {QUANTITIES['top_speed_m_s'].shown(found)}"
 
 
 def _source(flight: FlightPhysics) -> str:

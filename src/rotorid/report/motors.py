@@ -24,6 +24,7 @@ from rotorid.report.words import (
     percent_verdict,
     prediction_verdict,
     scale_sentence,
+    status_word,
 )
 from rotorid.results.summary import Correlation, ExcitedFlight, MotorPhysics, ParameterEstimate
 from rotorid.results.verdicts import Verdict
@@ -93,7 +94,8 @@ def _body(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow
                 words=words, symbol=name, value="1", unit="kg", note="assumed; multiply thrust and inertia by your mass"
             )
         else:
-            note = _STATUS.get(found.status, found.status)
+            status = status_word(document, name)
+            note = _STATUS.get(status, status)
             per = name in ("I_xx", "I_yy") and motors.arm_m is None
             yield _row(words, name, found, note=note or ("for an arm of 1 m" if per else ""))
 
@@ -132,7 +134,8 @@ def _lag(document: ResultDocument, motors: MotorPhysics) -> Iterator[VehicleRow]
     lag = document.parameters.get("T_motor")
     if lag is not None:
         value = milliseconds(lag.value, lag.std)
-        note = _STATUS.get(lag.status, lag.status)
+        status = status_word(document, "T_motor")
+        note = _STATUS.get(status, status)
         yield VehicleRow(words="Motor lag", symbol="T_motor", value=value, unit="ms", note=note)
     elif motors.outputs != "speed":
         yield VehicleRow(

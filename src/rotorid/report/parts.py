@@ -21,7 +21,7 @@ from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
 from rotorid.report.frame import Picture, drawn, in_all_units, typeset
-from rotorid.report.words import finding_heading, parameter_group, parameter_words
+from rotorid.report.words import finding_heading, parameter_group, parameter_words, status_word
 from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
 from rotorid.results.provenance import LoggedManeuver
 from rotorid.results.summary import PairCost, ParameterEstimate, Range
@@ -382,7 +382,7 @@ def parameter_rows(document: ResultDocument, truth: Mapping[str, float]) -> tupl
             unit=unit(parameter.unit),
             cramer_rao=_percent(parameter.cramer_rao_percent, CRAMER_RAO_GUIDELINE_PERCENT),
             insensitivity=_percent(parameter.insensitivity_percent, INSENSITIVITY_GUIDELINE_PERCENT),
-            status=parameter.status,
+            status=status_word(document, name),
             truth=significant(known := truth.get(f"{document.model}.{name}", truth.get(name)), digits=4),
             off=_off(parameter, known),
         )

@@ -113,7 +113,15 @@ def _lag(document: ResultDocument, motors: MotorPhysics) -> str:
     lag = document.parameters.get("T_motor")
     if lag is None:
         return "" if motors.outputs == "speed" else f"Motor lag: {no_lag(document)}."
-    return f"Motor lag: {milliseconds(lag.value, lag.std)} ms{' (given)' if lag.status == 'fixed' else ''}."
+    word = {"fixed": " (given)", "assumed": " (assumed)"}.get(status_word(document, "T_motor"), "")
+    return f"Motor lag: {milliseconds(lag.value, lag.std)} ms{word}."
+
+
+def status_word(document: ResultDocument, name: str) -> str:
+    """Status of a parameter: ``free``, ``fixed``, ``tied``, ``dropped``, or ``assumed`` where nobody gave it."""
+    status = document.parameters[name].status
+    assumed = document.flight is not None and name in document.flight.missing
+    return "assumed" if assumed and status in ("free", "fixed") else status
 
 
 def no_lag(document: ResultDocument) -> str:

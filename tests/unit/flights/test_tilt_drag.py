@@ -13,7 +13,7 @@ from tests.twins.tilt_flights import tilt_flights
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.flights.tilt_drag import TiltDrag, tilt_drag, tilt_drag_of
+from rotorid.flights.tilt_drag import TiltDrag, tilt_drag, tilt_drag_of, top_speed
 
 WHOLE = ((0.0, 90.0),)
 
@@ -85,8 +85,17 @@ def test_a_drag_in_proportion_gives_the_tangent_of_the_tilt() -> None:
     known = replace(found, at_rest=None, quadratic=None)
     top = known.top_speed(math.radians(30.0))
     assert top.value == pytest.approx(9.80665 * math.tan(math.radians(30.0)) / found.drag.value)
-    assert top.lower < top.value < top.upper
-    assert top.upper - top.value > top.value - top.lower
+    assert top.upper == pytest.approx(9.80665 * math.tan(math.radians(30.0)) / found.drag.lower)
+    # Beyond the airspeed that was flown, drag may grow with the square.
+    square = found.drag.upper / found.airspeed_m_s[1]
+    along = top.lower * math.cos(math.radians(30.0))
+    assert square * along**2 == pytest.approx(9.80665 * math.sin(math.radians(30.0)))
+    assert found.airspeed_m_s[1] < top.lower < top.value < top.upper
+
+
+def test_a_top_speed_that_was_flown_is_as_sure_as_its_drag() -> None:
+    top = top_speed(Quantity.normal(0.3, 0.003, "1/s"), 25.0)
+    assert top.lower == pytest.approx(top.value, rel=0.03)
 
 
 def test_a_vehicle_that_turns_at_speed_leans_into_the_turn_and_shows_its_drag() -> None:

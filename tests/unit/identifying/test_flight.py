@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.unit.identifying.flight_logs import DIAMETER_M, flown, layout_file, without
 
@@ -14,6 +16,7 @@ from rotorid.flying.vehicle_air import hover_parameters
 from rotorid.identifying.identification import identify
 from rotorid.identifying.identify_many import identify_several
 from rotorid.models.flight import FLIGHT_PARAMETERS
+from rotorid.report.words import status_word
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import airframe_of
 
@@ -126,6 +129,27 @@ def test_outputs_are_shares_of_the_full_speed(layout: str) -> None:
     lag = of_outputs["T_motor"]
     assert lag.std is not None
     assert 0.0 < lag.std < 0.2 * lag.value
+
+
+def test_what_nobody_gave_is_called_assumed(model: IdentifiedModel) -> None:
+    assert model.flight is not None
+    document = result_document(model)
+    missing = replace(model.flight, missing={"c_2": "as usual", "d_z": "too slow"})
+    assumed = document.model_copy(update={"flight": missing})
+    assert status_word(assumed, "c_2") == "assumed"
+    assert status_word(document, "c_2") == "free"
+    assert status_word(assumed, "m") == "fixed"
+
+
+def test_motors_that_were_logged_slowly_are_refused(layout: str) -> None:
+    topics = []
+    for topic in flown().record.topics:
+        every = round(1.0 / (20.0 * float(np.diff(topic.time_s).mean())))
+        topics.append(replace(topic, time_s=topic.time_s[::every], values=topic.values[:, ::every]))
+    with pytest.raises(InsufficientDataError, match=r"the motors of .* are logged at 21 Hz") as caught:
+        identified(layout, replace(flown().record, topics=tuple(topics)))
+    assert "40 Hz" in caught.value.needed
+    assert next(finding.kind for finding in caught.value.findings) == "rate_too_low"
 
 
 def test_a_flight_without_the_mean_force_is_refused(layout: str) -> None:

@@ -55,7 +55,6 @@ def fit_flight_data(data: FlightMotion, choices: MotorSettings) -> FittedFlight:
         _PROGRESS.info("fitting with the drag that the tilt shows")
         known = {**known, "k_d": coefficient_of(drag, fit).value}
         fit = _fitted(data, replace(asked, values=known))
-        fit = replace(fit, missing={name: why for name, why in fit.missing.items() if name != "k_d"})
     by_tilt = None if drag is None else coefficient_of(drag, fit)
     parameters = fitted_parameters(data, fit, choices.known, by_tilt=by_tilt is not None)
     fitted = FittedFlight(

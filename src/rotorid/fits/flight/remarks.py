@@ -13,6 +13,7 @@ from rotorid.data.quantity import with_error
 from rotorid.fits.flight.fit import mean_force_findings
 from rotorid.fits.flight.fitted import FittedFlight
 from rotorid.fits.motors.remarks import scale_finding, unused_choices
+from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.flights.flight_faults import wind_or_bias
 from rotorid.models.flight import FLIGHT_PARAMETERS, INERTIA
 from rotorid.models.physical import check_inertia
@@ -126,7 +127,8 @@ _NEEDED = {"p": ("I_xx",), "q": ("I_yy",), "r": ("I_zz", "kappa", "J_r")}
 
 def _missing(identified: FittedFlight) -> Iterator[Finding]:
     """Terms that no flight shows, those of one reason together; those of a torque are said with its axis."""
-    silent = {name for axis in _silent(identified) for name in _NEEDED[axis]}
+    # What was assumed of yaw is said with it.
+    silent = {name for axis in _silent(identified) for name in _NEEDED[axis]} | {"I_zz"}
     reasons: dict[str, list[str]] = {}
     for term, why in identified.fit.missing.items():
         if term not in silent:
@@ -156,12 +158,18 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
         table = ", ".join(f"{octave.low_hz:g}–{octave.high_hz:g} Hz {octave.correlation:.2f}" for octave in own)
         if axis in silent:
             best = max(own, key=lambda octave: octave.correlation)
+            single = best.correlation >= LEAST_CORRELATION
+            why = (
+                "single octaves agree, but neighboring ones do not with the same delay"
+                if single
+                else f"no octave reaches {LEAST_CORRELATION:g}"
+            )
             yield warn(
                 "no_excitation",
                 word,
-                f"Not enough data for {listed(names[:2])}: {word} was not excited enough (correlation of motors and "
-                f"motion by octave: {table}). Without excitation the motors show the controller, not the vehicle. Fly "
-                "a sweep, doublets or sharp maneuvers.",
+                f"Not enough data for {listed(names[:2])}: {word} was not excited enough. By correlation of motors and "
+                f"motion, {why} ({table}). Without excitation the motors show the controller, not the vehicle. Fly a "
+                "sweep, doublets or sharp maneuvers.",
                 correlation=best.correlation,
             )
         elif any(not octave.kept for octave in own):

@@ -190,7 +190,7 @@ def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: Force
         free=search.free(),
         entered=entered,
         ladder=tuple(ladder),
-        missing=search.missing,
+        missing={name: why for name, why in search.missing.items() if name not in choices.known},
         winds=search.winds,
         wind_stds=search.wind_stds(),
         cutoff_hz=search.cutoff_hz,

@@ -191,7 +191,8 @@ class MomentFit(Immutable):
     delay_s
         By which rates follow moments, sensors and stamps together, on average over the records.
     rms_nm
-        Error of moment of each record over the axes that are known, root mean square of the length, ``(records,)``.
+        Error of moment of each record over the axes that are known, root mean square of the length, ``(records,)``;
+        empty where none is.
     axes_nm
         The same axis by axis, not a number where an axis is not known, shape ``(records, 3)``.
     alone
@@ -272,6 +273,8 @@ def fit_moments(
         # Yaw that motors explain gives the ratio to an inertia that follows from roll and pitch.
         unknown_inertia = shown.get("kappa_per_I_zz", 0.0) > 0.0
         missing["kappa"] = "I_zz is not known" if unknown_inertia else _why_not("r", table)
+    elif assumed:
+        missing["I_zz"] = "assumed to be I_xx + I_yy, as of a flat vehicle and the most that there can be"
     air: dict[str, float] = {}
     ladder: tuple[MomentRung, ...] = ()
     rows = [
@@ -297,7 +300,7 @@ def fit_moments(
         missing=missing,
         octaves=table,
         delay_s=delay_s,
-        rms_nm=np.sqrt(np.nansum(sizes**2, axis=1)),
+        rms_nm=np.sqrt(np.nansum(sizes**2, axis=1)) if axes else np.zeros(0),
         axes_nm=sizes,
         alone=tuple(alone),
         delays_s=delays,
@@ -628,7 +631,7 @@ def _why_not(axis: str, table: Sequence[Octave]) -> str:
     best = max((one for one in table if one.axis == axis), key=lambda one: one.correlation)
     return (
         f"motors and motion correlate by {best.correlation:.2f} at best, from {best.low_hz:g} to {best.high_hz:g} Hz; "
-        f"{LEAST_CORRELATION:g} in two octaves is needed"
+        f"{LEAST_CORRELATION:g} over two neighboring octaves together is needed"
     )
 
 

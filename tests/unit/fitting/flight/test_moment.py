@@ -94,7 +94,7 @@ def test_a_flight_that_shows_no_torque_has_no_inertia(flights: list[MotorRecord]
     fit = fit_moments([still], FRAME, [motion(still)], FORCE)
     assert not fit.values
     assert fit.missing.keys() >= {"I_xx", "I_yy", "kappa"}
-    assert "0.8 in two octaves is needed" in fit.missing["I_xx"]
+    assert "0.8 over two neighboring octaves together is needed" in fit.missing["I_xx"]
     assert np.isnan(fit.axes_nm).all()
 
 
