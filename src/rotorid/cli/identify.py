@@ -216,6 +216,7 @@ def _print_several(document: ResultsDocument, folder: Path, *, verbose: bool) ->
     _print_end(document.results, folder, verbose=False)
 
 
+_TENFOLD = 10.0
 _MOST_MODELS = 8
 _MOST_VALUES = 3
 _MOST_LINES = 5
@@ -249,7 +250,11 @@ def _unknown(known: Mapping[str, ParameterEstimate]) -> str:
     names = sorted((name for name, error in errors.items() if error > 1.0), key=lambda name: -errors[name])
     if not names:
         return ""
-    shown = [f"{name} ±{100.0 * errors[name]:.0f} %" for name in names[:_MOST_VALUES]]
+    # Beyond a factor of ten the percentage says nothing more, as of numbers that may be zero.
+    shown = [
+        f"{name} ±{100.0 * errors[name]:.0f} %" if errors[name] < _TENFOLD else f"{name} over ±1000 %"
+        for name in names[:_MOST_VALUES]
+    ]
     more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
     return f". Not determined: {', '.join(shown)}{more}"
 

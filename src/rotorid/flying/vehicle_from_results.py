@@ -572,7 +572,12 @@ def _of_motors(
         found["delay"] = _number("delay", kept[delay], of)
     if motors.reference_v is not None:
         found["reference_v"] = VehicleNumber(value=motors.reference_v, unit="V", source="derived", of=of)
-    return found
+    # What a fit assumed, from other numbers and what is usual, nobody gave.
+    assumed = model.flight.missing if model.flight is not None else {}
+    return {
+        name: replace(number, source="derived") if name in assumed and number.source == "given" else number
+        for name, number in found.items()
+    }
 
 
 def _of_air(model: IdentifiedModel, factors: Mapping[str, float], scale: float | None) -> dict[str, VehicleNumber]:

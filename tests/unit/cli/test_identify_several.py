@@ -53,6 +53,8 @@ def test_a_parameter_with_an_error_above_its_value_is_marked() -> None:
     }
     assert _unknown(known) == ". Not determined: X_pitch ±245 %, M_u ±152 %"
     assert not _unknown({"L_p": known["L_p"]})
+    zero = ParameterEstimate(value=0.0, std=2.6, unit="N", status="free")
+    assert _unknown({"c_2": zero}) == ". Not determined: c_2 over ±1000 %"
 
 
 def test_none_that_stands_is_a_refusal(flight: Path, tmp_path: Path) -> None:
