@@ -75,7 +75,7 @@ from rotorid.verification.multistep import (
     stride,
     to_body,
 )
-from rotorid.verification.scores import GOOD_TIC, nrmse_fit_percent, rms, theil_inequality
+from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Scores, Verification
 
 _AHEAD_S = 0.5
@@ -288,7 +288,7 @@ class FlightPredictor(Immutable):
             predicted=np.stack([modeled for _, modeled in rows.values()]),
             input_names=self.inputs,
             output_names=tuple(rows),
-            scores={name: _scores(*rows[name]) for name in rows},
+            scores={name: Scores.plain(*rows[name]) for name in rows},
             moved=moved or ("az",),
             flight=FlightJudgement(
                 samples=record.samples,
@@ -401,17 +401,6 @@ def _outputs(states: FlightState) -> FloatArray:
     angles = euler_from_quaternion(states.attitude)
     angles[2] = np.unwrap(angles[2])
     return np.concatenate([angles, to_body(states.attitude, states.velocity), states.rates])
-
-
-def _scores(measured: FloatArray, modeled: FloatArray) -> Scores:
-    mean = measured.mean()
-    return Scores(
-        nrmse_fit_percent=nrmse_fit_percent(measured, modeled),
-        tic=theil_inequality(measured - mean, modeled - mean),
-        rms=rms(measured - modeled),
-        bias=0.0,
-        reference_shift=0.0,
-    )
 
 
 def _compared(check: Verification) -> FixedParameterScores:

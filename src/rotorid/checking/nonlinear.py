@@ -22,7 +22,6 @@ from rotorid.checking.predictions import (
     between,
     fixed_score,
     missing_outputs,
-    output_scores,
     piece_starts,
     plain_scores,
     predict_each,
@@ -46,7 +45,7 @@ from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores
-from rotorid.verification.verification import Verification
+from rotorid.verification.verification import Scores, Verification
 
 _START_ROUNDS = 3
 """Estimates of the noise while a start is sought: it only weighs the outputs against each other."""
@@ -234,7 +233,7 @@ def _verification(
         input_names=structure.inputs,
         output_names=structure.outputs,
         scores={
-            name: output_scores(measured, simulated)
+            name: Scores.plain(measured, simulated)
             for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
         },
         moved=tuple(name for name, output in outputs if output.names & (moved | set(driven)) or not driven),

@@ -28,7 +28,6 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore
-from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores
 
 NOTHING_FITTED = Selection(fitted=(), unseen=())
@@ -266,18 +265,6 @@ def missing_outputs(outputs: Sequence[str], logged: Sequence[str], record: Fligh
         for output in outputs
         if output not in logged
     ]
-
-
-def output_scores(measured: FloatArray, simulated: FloatArray) -> Scores:
-    """How one output was predicted, with nothing taken off."""
-    mean = measured.mean()
-    return Scores(
-        nrmse_fit_percent=nrmse_fit_percent(measured, simulated),
-        tic=theil_inequality(measured - mean, simulated - mean),
-        rms=rms(measured - simulated),
-        bias=0.0,
-        reference_shift=0.0,
-    )
 
 
 def plain_scores(scores: Mapping[str, Scores]) -> dict[str, OutputScore]:

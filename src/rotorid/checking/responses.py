@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.checking.maneuvers import remarks_on
-from rotorid.checking.predictions import fitted_before, not_verified, output_scores
+from rotorid.checking.predictions import fitted_before, not_verified
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, FlightRecord
 from rotorid.errors import reason_of
@@ -27,7 +27,7 @@ from rotorid.results.model import Segment, Verifications
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.scores import j_rms
-from rotorid.verification.verification import Verification
+from rotorid.verification.verification import Scores, Verification
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -166,7 +166,7 @@ def _verification(
         input_names=structure.inputs,
         output_names=structure.outputs,
         scores={
-            name: replace(output_scores(measured[row], predicted[row]), reference_shift=float(shift[row]))
+            name: replace(Scores.plain(measured[row], predicted[row]), reference_shift=float(shift[row]))
             for row, name in enumerate(structure.outputs)
         },
         j_rms=j_rms(measured - predicted, [STANDARD_UNITS.get(name, "1") for name in structure.outputs]),

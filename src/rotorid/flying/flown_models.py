@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rotorid.checking.candidate import candidate_model
-from rotorid.checking.predictions import Simulation, between, output_scores
+from rotorid.checking.predictions import Simulation, between
 from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
@@ -322,7 +322,7 @@ def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequenc
         output_names=simulation.output_names,
         starts=simulation.starts,
         scores={
-            name: output_scores(row, other)
+            name: Scores.plain(row, other)
             for name, row, other in zip(simulation.output_names, measured, rows, strict=True)
             if np.isfinite(row).all() and np.ptp(row) > 0.0
         },

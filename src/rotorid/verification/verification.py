@@ -18,7 +18,7 @@ from rotorid.typing import FloatArray
 from rotorid.verification.closed_loop import ClosedLoop
 from rotorid.verification.flight import FlightJudgement
 from rotorid.verification.prediction import HORIZONS_S, Horizon, Prediction
-from rotorid.verification.scores import GUIDELINES, guidelines_met
+from rotorid.verification.scores import GUIDELINES, guidelines_met, nrmse_fit_percent, rms, theil_inequality
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,6 +46,18 @@ class Scores:
     rms: float
     bias: float
     reference_shift: float
+
+    @classmethod
+    def plain(cls, measured: FloatArray, predicted: FloatArray) -> Scores:
+        """Those of a prediction from which neither bias nor reference shift was taken off, shape ``(n,)`` both."""
+        mean = measured.mean()
+        return cls(
+            nrmse_fit_percent=nrmse_fit_percent(measured, predicted),
+            tic=theil_inequality(measured - mean, predicted - mean),
+            rms=rms(measured - predicted),
+            bias=0.0,
+            reference_shift=0.0,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,7 +30,6 @@ from rotorid.signal.kinematics import ACCELERATIONS
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.flight_error import usual_scatter
-from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores
 
 _ASSUMED_SHARE = 0.5
@@ -268,18 +267,9 @@ def _slow(flown: Predicted, rows: FloatArray) -> FloatArray:
 def force_scores(flown: Predicted, channels: tuple[str, ...]) -> dict[str, Scores]:
     """How the force of a stretch is predicted, axis by axis, up to 5 Hz."""
     measured, modeled = (_slow(flown, rows) for rows in (flown.measured, flown.modeled))
-    found = {}
-    for row, name in enumerate(ACCELERATIONS):
-        if name in channels:
-            mean = measured[row].mean()
-            found[name] = Scores(
-                nrmse_fit_percent=nrmse_fit_percent(measured[row], modeled[row]),
-                tic=theil_inequality(measured[row] - mean, modeled[row] - mean),
-                rms=rms(measured[row] - modeled[row]),
-                bias=0.0,
-                reference_shift=0.0,
-            )
-    return found
+    return {
+        name: Scores.plain(measured[row], modeled[row]) for row, name in enumerate(ACCELERATIONS) if name in channels
+    }
 
 
 def fit_percents(fitted: FittedFlight) -> dict[str, float]:
