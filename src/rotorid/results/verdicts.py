@@ -149,7 +149,7 @@ def _measure(method: str, cost: Cost | None, fit_percent: Mapping[str, float] | 
         guide = f"up to {EXCELLENT_COST:g} is good, up to {ACCEPTABLE_COST:g} acceptable"
         return Verdict(found.level, words), f"cost {cost.average:.3g}", f"The {several} is {cost.average:.3g} ({guide})"
     if fit_percent is not None and method == "equation_error":
-        return Verdict("", "not judged"), "", "The outputs hardly moved, so a percentage would only judge their noise"
+        return Verdict("", "not judged"), "", "The outputs barely moved, so a percentage would only judge their noise"
     return Verdict("", "not judged"), "", "The fit has neither a cost nor a percentage"
 
 
