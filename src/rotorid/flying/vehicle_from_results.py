@@ -575,7 +575,7 @@ def _of_motors(
     # What a fit assumed, from other numbers and what is usual, nobody gave.
     assumed = model.flight.missing if model.flight is not None else {}
     return {
-        name: replace(number, source="derived") if name in assumed and number.source == "given" else number
+        name: replace(number, source="derived") if name in assumed else number
         for name, number in found.items()
     }
 
