@@ -38,6 +38,9 @@ _BLOCK_S = 0.25
 _HUBER = 1.345
 """Of the median error: least squares of normal errors lose 5 % by it."""
 
+_SLOWEST_HZ, _BANDS = 0.2, 10
+"""Bands in which the spectrum of errors is known."""
+
 _REWEIGHTED, _SETTLED = 20, 1e-4
 
 
@@ -107,6 +110,8 @@ class ForceRows(Immutable):
         Impulse response of the accelerometer's filter at ``taps_rate_hz``; one tap where it is not known.
     taps_rate_hz
         Of the record.
+    weights
+        Of :func:`whitening`, by which errors of all frequencies count alike; ``None``: as they are.
     """
 
     names: tuple[str, ...]
@@ -115,6 +120,7 @@ class ForceRows(Immutable):
     sample_rate_hz: float
     taps: FloatArray
     taps_rate_hz: float
+    weights: FloatArray | None = None
 
     def products(self, cutoff_hz: float | None) -> Products:
         """Products behind the filter of the accelerometer.
@@ -134,14 +140,24 @@ class ForceRows(Immutable):
             return np.moveaxis(found.reshape(*found.shape[:-1], blocks, -1), -2, 0)
 
         # Blocks, axes, columns, samples.
-        columns = cut(rows * self._response(hz, cutoff_hz)).transpose(0, 2, 1, 3)
-        known = cut(measured)
+        weights = 1.0 if self.weights is None else self.weights
+        columns = cut(rows * self._response(hz, cutoff_hz) * weights).transpose(0, 2, 1, 3)
+        known = cut(measured * weights)
         return Products(
             columns @ columns.transpose(0, 1, 3, 2),
             (columns @ known[..., None])[..., 0],
             (known**2).sum(axis=-1),
             kept // blocks,
         )
+
+    def whitening(self, values: FloatArray, cutoff_hz: float | None) -> FloatArray:
+        """Weights by frequency that make what values leave along the rotors' axis white, shape ``(3, f)``.
+
+        A controller holds the height against gusts: as far as they move the vehicle, thrust seems to do nothing. Errors
+        that are white have no such relation to what was done before.
+        """
+        rows, measured, hz = self._spectra
+        return whitening(measured - np.tensordot(values, rows * self._response(hz, cutoff_hz), 1), hz)
 
     @cached_property
     def _spectra(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
@@ -162,6 +178,22 @@ class ForceRows(Immutable):
         if cutoff_hz is None:
             return np.ones(hz.size, dtype=np.complex128)
         return np.asarray(1.0 / (1.0 + (hz / cutoff_hz) ** (2 * FILTER_ORDER)), dtype=np.complex128)
+
+
+def whitening(left: ComplexArray, hz: FloatArray) -> FloatArray:
+    """Weights by frequency that make errors along the rotors' axis white, from their Fourier coefficients."""
+    last = min(float(hz[-1]), _KEPT_HZ)
+    inner = np.geomspace(_SLOWEST_HZ, _KEPT_HZ, _BANDS + 1)[:-1]
+    edges = np.array([0.0, *inner[inner < last], last])
+    rows = [np.abs(left[:, (hz >= low) & (hz <= high)]) ** 2 for low, high in pairwise(edges)]
+    power = np.stack([row.mean(axis=1) for row in rows])
+    power = np.maximum(power, 1e-6 * power.max(axis=0))
+    shares = np.diff(edges)
+    size = np.sqrt((shares[:, None] * power).sum(axis=0) / shares.sum() / power)
+    middles = np.log([edges[1], *np.sqrt(edges[1:-1] * edges[2:])])
+    at = np.log(np.maximum(hz, edges[1]))
+    plain = np.ones(hz.size)
+    return np.stack([plain, plain, np.exp(np.interp(at, middles, np.log(size[:, 2])))])
 
 
 def through_sensor(rows: FloatArray, record: MotorRecord, cutoff_hz: float | None) -> FloatArray:
@@ -197,6 +229,7 @@ def force_rows(
     driven: Motion,
     thrust_by_speed: float,
     names: Sequence[str] = (*FORCE_TERMS, *PLACE),
+    curve: Mapping[str, FloatArray] | None = None,
 ) -> ForceRows:
     """Columns of a record.
 
@@ -210,14 +243,21 @@ def force_rows(
         About the thrust of a rotor over the square of its speed, N s²/rad², for its inflow.
     names
         Of the columns.
+    curve
+        Of :func:`rotorid.fitting.flight.motion.curve_columns`, where the curve of outputs is sought; its coefficients
+        are then names too.
     """
     every = thinning(record)
     speeds, velocity, rates, acceleration = (thinned(rows, every) for rows in driven[:4])
     air = rotor_air(airframe, velocity, rates, thrust_by_speed * speeds**2)
-    coefficients = tuple(name for name in names if name not in PLACE)
+    lifted = {name: thinned(thrust, every) for name, thrust in (curve or {}).items()}
+    coefficients = tuple(name for name in names if name not in PLACE and name not in lifted)
     made = flight_columns(coefficients, airframe, speeds, air, velocity, rates)
     places = place_columns(rates, acceleration)
-    columns = [places[name] if name in PLACE else made[name].force / airframe.mass_kg for name in names]
+    still = np.zeros(rates.shape[1])
+    forces = {name: column.force for name, column in made.items()}
+    forces |= {name: np.stack([still, still, -thrust]) for name, thrust in lifted.items()}
+    columns = [places[name] if name in PLACE else forces[name] / airframe.mass_kg for name in names]
     return ForceRows(
         names=tuple(names),
         columns=np.stack(columns),

@@ -22,7 +22,7 @@ within 0.2 m/s²: where the heading turns by less than a quarter of a circle, wi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +41,7 @@ from rotorid.fitting.flight.force import (
     thinning,
     total,
 )
-from rotorid.fitting.flight.motion import Motion, VelocityClass, motion
+from rotorid.fitting.flight.motion import Motion, VelocityClass, curve_columns, motion
 from rotorid.frames import earth_to_body
 from rotorid.models.flight import (
     ALONG_BODY_BIAS_M_S2,
@@ -69,15 +69,15 @@ _POSITIVE = ("c_lambda", "k_d")
 _NO_BETTER = "data that were not fitted are no better"
 _SUPERFLUOUS = "later terms do the same"
 
-_SQUARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the thrust curve that are a square of the output."""
+USUAL_BEND, USUAL_REST = 0.5, 0.03
+"""Parts of thrust at the mean output that go with the output and that are constant: about zero, as surely as this."""
 
 _MOTOR_LAGS_S = (0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.19)
 _CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 13))
 _MOTOR_LAG_S = 0.04
 _ROUNDS = 5
 _SETTLED, _SETTLED_M_S = 1e-4, 0.005
-_TOGETHER_S = 1.0
+_TOGETHER_S, _WHITE_S = 1.0, 0.05
 _BLOCK_S = 2.0
 _WIND_M_S, _STORM_M_S = 5.0, 15.0
 _USUAL_DRAG_1_S = 0.3
@@ -230,20 +230,28 @@ class _Search:
         self.measured = all(record.between == "lines" for record in records)
         self.names: list[str] = []
         self.motor_lag_shown = False
-        self.square = 1.0
-        """Share of the thrust curve that is a square of the output."""
+        self.shaped = not (self.measured or any(term in choices.known for term in CURVE_TERMS)) and (
+            choices.terms is None or "c_1" in choices.terms or not choices.terms
+        )
+        """Whether the thrust curve of outputs is sought."""
         self.tied = False
         self.missing: dict[str, str] = {}
         self.values: dict[str, float] = dict(choices.known)
         self.cutoff_hz = choices.cutoff_hz
         self.winds = np.full((len(records), 2), np.nan)
+        self.weights: list[FloatArray | None] = [None] * len(records)
         speeds = [moved.speeds for moved in self.driven()]
         weight = [airframe.mass_kg * max(-float(record.force[2].mean()), 1.0) for record in records]
         squares = [max(float((rows**2).sum(axis=0).mean()), 1e-300) for rows in speeds]
         self.by_speed = np.array(weight) / np.array(squares)
+        self.load_n = float(np.mean(weight)) / airframe.rotors
+        """Mean thrust of a rotor."""
+        self.level = float(np.mean([record.outputs.mean() for record in records]))
         self.speed = float(np.mean([rows.mean() for rows in speeds]))
         seconds = sum(record.duration_s for record in records)
-        self.samples_together = _TOGETHER_S * sum(rows.measured.shape[1] for rows in self.rows(("c_2",))) / seconds
+        # Errors that are made white are not alike for long.
+        together_s = _WHITE_S if self.shaped else _TOGETHER_S
+        self.samples_together = together_s * sum(rows.measured.shape[1] for rows in self.rows(("c_2",))) / seconds
 
     @property
     def windy(self) -> bool:
@@ -279,6 +287,7 @@ class _Search:
             names += PLACE
         else:
             self.missing |= dict.fromkeys(PLACE, "the vehicle turned too little")
+        names = [*(CURVE_TERMS[:2] if self.shaped else ()), *names]
         self.names = list(dict.fromkeys([*names, *(n for n in self.choices.known if n in (*FORCE_TERMS, *PLACE))]))
         self.speeds_m_s = (
             float(np.quantile(np.concatenate([np.sqrt((moved.velocity**2).sum(axis=0)) for moved in driven]), 0.995)),
@@ -302,7 +311,7 @@ class _Search:
     def free(self) -> tuple[str, ...]:
         """Numbers that were fitted."""
         found = [name for name in self.names if not (name == "c_lambda" and self.tied)]
-        found += ["c_1"] * self.bent + ["T_motor"] * self.motor_lag_shown
+        found += ["T_motor"] * self.motor_lag_shown
         return tuple(name for name in found if name not in self.choices.known)
 
     # Columns, and their coefficients.
@@ -317,10 +326,16 @@ class _Search:
 
     def rows(self, names: Sequence[str], at: Mapping[str, float] | None = None) -> list[ForceRows]:
         """Columns of each record."""
-        return [
-            force_rows(record, self.airframe, moved, float(by_speed), names)
-            for record, moved, by_speed in zip(self.records, self.driven(at), self.by_speed, strict=True)
+        values = self.values | dict(at or {})
+        curves = [
+            curve_columns(record, values, skew_s=float(skew)) if self.shaped else None
+            for record, skew in zip(self.records, self.choices.skews_s, strict=True)
         ]
+        made = [
+            force_rows(record, self.airframe, moved, float(by_speed), names, curve)
+            for record, moved, by_speed, curve in zip(self.records, self.driven(at), self.by_speed, curves, strict=True)
+        ]
+        return [replace(row, weights=weights) for row, weights in zip(made, self.weights, strict=True)]
 
     def solve(self, products: Products, names: Sequence[str]) -> FloatArray:
         """Coefficients of all columns of these names; drag and what inflow takes are not negative."""
@@ -339,18 +354,36 @@ class _Search:
         return known.get(name, np.nan)
 
     def _solve(self, products: Products, names: Sequence[str], held: FloatArray) -> FloatArray:
-        start = {name: prior.mean for name, prior in self.priors().items()}
-        free = [k for k, name in enumerate(names) if np.isnan(held[k]) and not (name == "c_lambda" and self.tied)]
-        mixed = np.zeros((len(names), len(free)))
-        mixed[free, range(len(free))] = 1.0
+        free, mixed = self.freed(names, held)
         fixed = np.where(np.isnan(held), 0.0, held)
-        if self.tied and "c_lambda" in names:
-            ratio, square = start["c_lambda"] / start["c_2"], names.index("c_2")
-            mixed[names.index("c_lambda")] = ratio * mixed[square]
-            fixed[names.index("c_lambda")] = ratio * fixed[square]
+        if self.tied and "c_lambda" in names and "c_2" not in free:
+            fixed[names.index("c_lambda")] = self.tie * fixed[names.index("c_2")]
         left = products.without(fixed).of(mixed)
-        chosen = [names[k] for k in free]
-        return np.asarray(fixed + mixed @ solved(left, chosen, self.priors(), together=self.samples_together))
+        return np.asarray(fixed + mixed @ solved(left, free, self.priors(), together=self.samples_together))
+
+    @property
+    def tie(self) -> float:
+        """Usual ratio of what inflow takes to thrust without it."""
+        return self.priors()["c_lambda"].mean / (_USUAL_SHARE * float(self.by_speed.mean()))
+
+    def freed(self, names: Sequence[str], held: FloatArray) -> tuple[list[str], FloatArray]:
+        """What is solved for, and the coefficients it makes, shape ``(names, free)``.
+
+        Of a curve, these are thrust at the mean output, the part of it that goes with the output, and a constant one.
+        """
+        free = [name for name, value in zip(names, held, strict=True) if np.isnan(value)]
+        if self.tied:
+            free = [name for name in free if name != "c_lambda"]
+        mixed = np.array([[float(name == one) for one in free] for name in names]).reshape(len(names), len(free))
+        if self.shaped:
+            u = self.level
+            to = np.array([[1.0, 0.0, 0.0], [-1.0 / u, 1.0 / u, 0.0], [0.0, -1.0 / u**2, 1.0 / u**2]])
+            rows, columns = ([of.index(term) for term in CURVE_TERMS] for of in (list(names), free))
+            mixed[np.ix_(rows, columns)] = to
+        if self.tied and "c_lambda" in names:
+            terms = [place for place, name in enumerate(names) if name in CURVE_TERMS]
+            mixed[list(names).index("c_lambda")] = self.tie * mixed[terms].sum(axis=0)
+        return free, mixed
 
     def priors(self) -> dict[str, Prior]:
         """What is usual before the flights are looked at."""
@@ -360,8 +393,18 @@ class _Search:
         induced = float(np.sqrt(weight / (2.0 * self.airframe.density_kg_m3 * self.airframe.disc_m2)))
         square = _USUAL_SHARE * by_speed
         lost, drag = _USUAL_LOSS * square * hover / induced, _USUAL_DRAG_1_S * weight / STANDARD_GRAVITY_M_S2 / hover
+        level = square if self.choices.kind != "none" else by_speed
+        curve = {"c_2": Prior(level, 0.3 * square)}
+        if self.shaped:
+            share = _USUAL_SHARE if self.choices.kind != "none" else 1.0
+            thrust = share * self.load_n
+            curve = {
+                "c_0": Prior(0.0, USUAL_REST * thrust),
+                "c_1": Prior(0.0, USUAL_BEND * thrust),
+                "c_2": Prior(thrust, 0.3 * thrust),
+            }
         return {
-            "c_2": Prior(square if self.choices.kind != "none" else by_speed, 0.3 * square),
+            **curve,
             "c_lambda": Prior(lost, 0.5 * lost),
             "k_d": Prior(drag, drag),
             **dict.fromkeys(PLACE, Prior(0.0, 0.03)),
@@ -375,6 +418,8 @@ class _Search:
             before = self.winds.copy(), self.by_speed.copy()
             rows = self.rows(self.names)
             found = self._filtered(rows)
+            if self.shaped:
+                self.weights = [row.whitening(found, self.cutoff_hz) for row in rows]
             self._take(found)
             if self.windy:
                 self._blow(rows, found)
@@ -402,8 +447,6 @@ class _Search:
     def _take(self, found: FloatArray) -> None:
         """Coefficients as values, and the inflow of hover that follows."""
         values = dict(zip(self.names, found.tolist(), strict=True))
-        if self.bent:
-            values |= {name: share * values["c_2"] for name, share in _curve(self.square).items()}
         self.values |= values | dict(self.choices.known)
         self.by_speed = np.full(len(self.records), hover_thrust(self.values, self.airframe).coefficient)
 
@@ -455,7 +498,8 @@ class _Search:
         if not self.windy:
             return stds
         found = np.array([self.values[name] for name in self.names])
-        found[self.names.index("c_2")] = full_thrust(self.values)
+        if not self.shaped:
+            found[self.names.index("c_2")] = full_thrust(self.values)
         for place, (part, columns) in enumerate(zip(self.rows(self.names), self._wind_columns(), strict=True)):
             left = part.measured - np.tensordot(found, part.columns, 1)
             _, variance = _wind(columns, left, part.sample_rate_hz)
@@ -466,44 +510,17 @@ class _Search:
         return stds
 
     def find_outputs(self) -> None:
-        """Lag of the motors and bend of their curve, which outputs need: the usual ones, unless force shows others."""
+        """Lag of the motors, which outputs need: the usual one, unless force shows another."""
         known, least = self.choices.known, (1.0 - self.choices.least_gain) ** 2
-        lags = _MOTOR_LAGS_S if "T_motor" not in known else (known["T_motor"],)
-        shapes = _SQUARES if not any(term in known for term in CURVE_TERMS) else ()
-        self.values["T_motor"] = _MOTOR_LAG_S if len(lags) > 1 else lags[0]
-        if not shapes:
-            self._find_lag(lags, least, {})
+        self.values["T_motor"] = known.get("T_motor", _MOTOR_LAG_S)
+        self.settle()
+        if "T_motor" in known:
             return
-        # Curve and lag trade: the lag is sought with every curve. A square stays unless another curve predicts better.
-        found = {square: self._find_lag(lags, least, _curve(square)) for square in _SQUARES}
-        unseen = {square: self._thirds_error({**_curve(square), "T_motor": found[square][1]}) for square in _SQUARES}
-        best = min(_SQUARES, key=lambda square: unseen[square])
-        self.square = best if unseen[best] < (1.0 - self.choices.least_gain) * unseen[1.0] else 1.0
-        _, self.values["T_motor"], self.motor_lag_shown = found[self.square]
-        if self.bent:
-            self.values |= _curve(self.square)
-        if len(lags) > 1 and not self.motor_lag_shown:
+        found = _lowest(_MOTOR_LAGS_S, [self._lost({"T_motor": lag_s}) for lag_s in _MOTOR_LAGS_S])
+        if self._lost({"T_motor": found}) < least * self._lost({}):
+            self.values["T_motor"], self.motor_lag_shown = found, True
+        else:
             self.missing["T_motor"] = "force is no worse with a usual lag"
-
-    def _find_lag(self, lags: Sequence[float], least: float, curve: Mapping[str, float]) -> tuple[float, float, bool]:
-        """Least sum of squares with a curve, the lag that leaves it, and whether force shows that lag."""
-        usual = self.values["T_motor"]
-        plain = self._lost({**curve, "T_motor": usual})
-        if len(lags) == 1:
-            return plain, usual, False
-        found = _lowest(lags, [self._lost({**curve, "T_motor": lag_s}) for lag_s in lags])
-        lost = self._lost({**curve, "T_motor": found})
-        return (lost, found, True) if lost < least * plain else (plain, usual, False)
-
-    @property
-    def bent(self) -> bool:
-        """Whether the thrust curve of outputs has a part that is no square."""
-        return self.square < 1.0
-
-    def _thirds_error(self, at: Mapping[str, float]) -> float:
-        """Error on thirds that were left out in turn at some lag and curve, N."""
-        wholes = [row.products(self.cutoff_hz) for row in self.rows(self.names, at)]
-        return self._unseen_error([part for whole in wholes for part in whole.thirds()], self.names)
 
     def _lost(self, at: Mapping[str, float]) -> float:
         """Sum of squares that the columns of every fit leave at some lag and curve."""
@@ -571,11 +588,6 @@ class _Search:
             for parts in self._parts(names)
         ]
         return max(errors, key=lambda pair: pair[1] / pair[0])
-
-
-def _curve(square: float) -> dict[str, float]:
-    """Shares of a curve that is so far a square of the output."""
-    return {"c_1": 1.0 - square, "c_2": square}
 
 
 def _lowest(grid: Sequence[float], losses: Sequence[float]) -> float:

@@ -29,7 +29,7 @@ import numpy as np
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.record import MotorRecord
-from rotorid.fitting.flight.motion import Motion
+from rotorid.fitting.flight.motion import Motion, without_noise
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, excitations, excited_axes, octaves
 from rotorid.fitting.motors.fit import LEAST_SAMPLES, MotorFit, fit_motors
 from rotorid.fitting.motors.problem import MotorProblem
@@ -283,6 +283,8 @@ def fit_moments(
     ]
     least_m_s = LEAST_ADVANCE * hover_thrust(values, airframe).induced_m_s
     slow = "" if _fastest(driven) > least_m_s else f"the flight is slower than {least_m_s:.2g} m/s"
+    if "k_d" not in force:
+        slow = slow or "rotor drag is not known, whose moment looks alike"
     if axes:
         air, ladder = _climbed(rows, axes, choices, missing, slow=slow)
     left = [_rest(row, tuple(air), np.array(list(air.values()))) for row in rows]
@@ -509,6 +511,9 @@ def _in_band(
     Moments of rotor drag are known with the forces, and are taken out before as far as inertia is known: yaw comes
     after roll and pitch, which come twice where rotors are above or below the center of gravity.
     """
+    if record.between == "lines":
+        # Noise of speeds would seem to turn nothing.
+        moved = moved._replace(speeds=without_noise(moved.speeds, record.sample_rate_hz))
     levers, mass = _levers(airframe), {"m": airframe.mass_kg}
     air = rotor_air(airframe, moved.velocity, moved.rates, inflow_thrust(force, airframe, moved.speeds))
     thrust, side = rotor_thrusts(force, airframe, moved.speeds, air), _side_moments(force, airframe, moved, air)
