@@ -47,10 +47,9 @@ def flown(values: dict[str, float]) -> FlightState:
     """The exact flight, in another attitude and by another integrator than those under test."""
     inertia = np.array([values["I_xx"], values["I_yy"], values["I_zz"]])
 
-    def slope(time_s: float, state: FloatArray) -> FloatArray:
+    def slope(time_s: float, state: FloatArray, early: float) -> FloatArray:
         turn = Rotation.from_quat(state[6:10])
         rates = state[10:]
-        early = STEP_S * np.floor(time_s / STEP_S + 1e-9)
         loads = flight_loads(
             values,
             FRAME,
@@ -70,7 +69,7 @@ def flown(values: dict[str, float]) -> FlightState:
     states = [np.concatenate([begin, [0.2, -0.1, 0.3]])]
     for k in range(SAMPLES - 1):
         span = (k * STEP_S, (k + 1) * STEP_S)
-        states.append(solve_ivp(slope, span, states[-1], method="DOP853", rtol=1e-8, atol=1e-10).y[:, -1])
+        states.append(solve_ivp(slope, span, states[-1], "DOP853", args=span[:1], rtol=1e-8, atol=1e-10).y[:, -1])
     found = np.array(states).T
     return FlightState(found[:3], found[3:6], found[[9, 6, 7, 8]], found[10:])
 
