@@ -455,7 +455,7 @@ def _power(review: Review) -> Card:
         logged = _POWER & review.logging.rates_hz.keys()
         why = "neither battery nor throttle could be read." if logged else "neither battery nor throttle is logged."
         known = replace(gap, why=why) if gap and " not logged" in gap.why else gap
-        unknown = _unanswered(key, title, known, why)
+        unknown = _unanswered(key, title, known, why, _drag_words(review))
         return replace(unknown, number=_thrust_words(review))
     hover = "" if throttle is None else f"hovers at {QUANTITIES['hover_throttle'].shown(throttle)} throttle"
     volts = _battery_words(battery)
@@ -484,7 +484,9 @@ def _power(review: Review) -> Card:
             return replace(row.doubtful(key, title, number=shown, details=also), scale=measure)
     if not judged:
         gap = _gap(review, "flight.thrust_to_weight", "flight.battery")
-        unknown = _unanswered(key, title, gap, "this log does not show the full thrust.", together(volts))
+        unknown = _unanswered(
+            key, title, gap, "this log does not show the full thrust.", together(_drag_words(review), volts)
+        )
         return replace(unknown, number="; ".join(text for text in (number, weighed) if text))
     return Card(
         key=key,

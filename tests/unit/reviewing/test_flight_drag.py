@@ -80,6 +80,19 @@ def test_card_document_and_page_say_drag_top_speed_and_wind(blows: bool) -> None
     assert "airspeed in level flight at 30° of tilt" in page
 
 
+@pytest.mark.parametrize("known", ["battery", "throttle", "neither"])
+def test_drag_is_said_where_power_is_not_known(known: str) -> None:
+    made = made_review()
+    seen = replace(made.flight, drag=DRAG, wind={}, thrust_to_weight=None)
+    if known != "battery":
+        seen = replace(seen, battery={})
+    if known == "neither":
+        seen = replace(seen, hover_throttle=None)
+    (card,) = [card for card in cards(replace(made, flight=seen)) if card.key == "power"]
+    assert "Drag is 0.30 ± 0.03 1/s" in card.details
+    assert card.state == "cannot"
+
+
 def test_a_review_without_drag_says_nothing_of_it() -> None:
     (card,) = [card for card in cards(made_review()) if card.key == "power"]
     assert "Drag" not in card.details
