@@ -24,7 +24,19 @@ _MOST_DRAWS = 10_000
 
 
 def parse_target(name: str) -> str:
-    """The name of a target that there is."""
+    """The name of a target that there is.
+
+    Raises
+    ------
+    UsageError
+        There is none of this name, or several are named.
+    """
+    if "," in name:
+        first = name.partition(",")[0].strip()
+        raise UsageError(
+            f"--to takes one target, but {name!r} names several",
+            remedy=f"export once for each, such as --to {first}",
+        )
     return target_named(name).name
 
 

@@ -168,6 +168,13 @@ def test_a_refused_model_is_no_vehicle(of_motors: Path, tmp_path: Path) -> None:
     refused(rotorid("export", tmp_path / "nothing", "--to", "json", "--out", out), out, "nothing")
 
 
+def test_several_targets_need_several_calls(of_motors: Path, tmp_path: Path) -> None:
+    ran = rotorid("export", of_motors, "--to", "mujoco,gazebo", "--out", tmp_path / "out")
+    refused(
+        ran, tmp_path / "out", "--to takes one target", "'mujoco,gazebo'", "export once for each, such as --to mujoco"
+    )
+
+
 def test_results_that_contradict_each_other(of_motors: Path, tmp_path: Path) -> None:
     save(motors(I_zz=0.038, I_xx=0.03, log="two.ulg"), tmp_path / "other")
     out = tmp_path / "out"
