@@ -243,10 +243,15 @@ def significant(value: float | None, *, digits: int = 3) -> str:
     --------
     >>> significant(0.012345), significant(-2.0), significant(None), significant(1.5e-7)
     ('0.0123', '−2', '–', '1.5·10⁻⁷')
+    >>> significant(-138.4, digits=2), significant(99960.0), significant(2.5e6)
+    ('−140', '100000', '2.5·10⁶')
     """
     if value is None or not math.isfinite(value):
         return MISSING
-    mantissa, _, power = minus(f"{value:.{digits}g}").partition("e")
+    text = f"{value:.{digits}g}"
+    if "e" in text and 1.0 <= abs(float(text)) < _PLAIN_TO:
+        text = f"{float(text):.0f}"
+    mantissa, _, power = minus(text).partition("e")
     return f"{mantissa}·10{superscript(str(int(power.replace('−', '-'))))}" if power else mantissa
 
 

@@ -94,7 +94,7 @@ def test_contents_show_the_worse_of_predictions_and_unseen_sweeps() -> None:
     shown = [section(one, anchor="s1", truth={}).unseen for one in (identification(), missed, unflown)]
     assert [verdict and (verdict.level, verdict.words) for verdict in shown] == [
         ("good", "good"),
-        ("poor", "cost 4.31·10³"),
+        ("poor", "cost 4310"),
         None,
     ]
 

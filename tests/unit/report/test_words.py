@@ -128,7 +128,7 @@ def test_summary_names_the_worst_prediction() -> None:
 
 def test_an_unseen_sweep_counts_as_unseen_flight() -> None:
     sentences = summary(verified(p=4313.0))
-    assert sentences[-1] == "Unseen sweeps: worst cost 4.31·10³ (the model misses the measurement)."
+    assert sentences[-1] == "Unseen sweeps: worst cost 4310 (the model misses the measurement)."
     assert not any("Not verified" in sentence for sentence in sentences)
 
 
