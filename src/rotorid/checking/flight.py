@@ -28,12 +28,13 @@ from rotorid.checking.predictions import (
     predict_each,
     refuse_choices_of_responses,
 )
-from rotorid.data.axes import ATTITUDE, RATES
+from rotorid.data.axes import ATTITUDE, AXIS_WORDS, RATES
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
-from rotorid.fitting.flight.fit import FlightRange
+from rotorid.fitting.flight.fit import FlightChoices, FlightRange
 from rotorid.fitting.flight.ladder import wind_of
 from rotorid.fitting.flight.moment import center_of, turned_axes
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds, velocity_class
@@ -89,6 +90,10 @@ _MOVED_M_S2 = 0.5
 """Standard deviation of a slow specific force from which a flight judges what the model makes of it."""
 
 
+_BY_CHANCE = -2.0 * float(np.log(0.05))
+"""Squares of two numbers over their variances, in sum, that one of twenty exceeds if both are zero."""
+
+
 class _Stretch(NamedTuple):
     """A stretch with what was found of it: motion that drives the model, loads, wind, stamps, center of gravity."""
 
@@ -121,7 +126,7 @@ class FlightPredictor(Immutable):
     bands_hz
         Rate to the band in which the motors explain it: there its acceleration judges the model.
     windy
-        Whether the fit gave each flight a wind of its own, as it is then found here too.
+        Whether the fit gave each flight a wind of its own. Then any wind of a log is taken out, else one that is clear.
     cutoff_hz
         Of the low-pass that stands for an unknown filter of the accelerometer.
     scaled
@@ -236,13 +241,33 @@ class FlightPredictor(Immutable):
         """A stretch in its wind, with the loads that the model makes of it."""
         values = self.parameters.values
         kind = self._velocity(flight.record)
-        wind = None
-        if self.windy and kind == "measured" and flight.record.attitude.size:
-            wind = wind_of(values, self.airframe, flight.record, kind=kind, cutoff_hz=self.cutoff_hz, skew_s=skew_s)
+        wind = self._wind(flight.record, kind, skew_s)
         driven = motion(flight.record, values, kind=kind, wind=wind, skew_s=skew_s)
         center = center_of(values, self.airframe, flight.record, driven)
         loads = flight_loads_of({**values, **center}, self.airframe, flight.record, driven, cutoff_hz=self.cutoff_hz)
         return _Stretch(flight, driven, loads, wind, skew_s, center)
+
+    def _wind(self, record: MotorRecord, kind: VelocityClass, skew_s: float) -> FloatArray | None:
+        """Wind of a log, toward north and east, m/s; ``None`` where it has none or does not show it.
+
+        Calm fits do not make a calm log. Next to them, a wind has to do what it has to in a fit, and to push more than
+        a bias of the accelerometer could: at one heading, that would be all that a log without wind shows.
+        """
+        if kind != "measured" or not record.attitude.size:
+            return None
+        wind, std = wind_of(
+            self.parameters.values,
+            self.airframe,
+            record,
+            kind=kind,
+            cutoff_hz=self.cutoff_hz,
+            skew_s=skew_s,
+            least_gain=0.0 if self.windy else FlightChoices().least_gain,
+        )
+        if not np.isfinite(wind).all():
+            return None
+        by_chance = not self.windy and not float(((wind / std) ** 2).sum()) > _BY_CHANCE
+        return None if by_chance else wind
 
     def _velocity(self, record: MotorRecord) -> VelocityClass:
         """How the velocity of a log is had: as in the fit, or as well as this log allows."""
@@ -424,6 +449,7 @@ def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
     beyond = _beyond(stretch.flight, (judged.outside_percent, dict(judged.outside))) if judged else []
     return [
         *beyond,
+        *_unjudged(where, check),
         *(
             warn(
                 "poor_verification",
@@ -436,6 +462,27 @@ def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
             if check.scores[name].tic > GOOD_TIC
         ),
     ]
+
+
+def _unjudged(where: str, check: Verification) -> list[Finding]:
+    """Which outputs do not judge the vehicle in a stretch, and why; none where all do."""
+    still, idle = [], []
+    for name, measured in zip(check.output_names, check.measured, strict=True):
+        if name in check.moved:
+            continue
+        if name in ACCELERATIONS:
+            still.append(f"{name} by {measured.std():.2g} m/s²")
+        else:
+            idle.append(AXIS_WORDS[name.removesuffix("_dot")])
+    reasons = [
+        *([f"slow motion varies {listed(still)} only ({_MOVED_M_S2:g} needed)"] if still else []),
+        *([f"the motors do not explain {listed(idle)}"] if idle else []),
+    ]
+    if not reasons:
+        return []
+    names = listed([name for name in check.output_names if name not in check.moved])
+    message = f"{where} does not judge {names}: {'; '.join(reasons)}."
+    return [remark("not_verified", where, message)]
 
 
 _RANGES = {"airspeed": "airspeed", "climb": "climb rate", "load": "load factor", "motors": "rotor speed"}

@@ -102,7 +102,10 @@ def _print(document: VerifyDocument, folder: Path, *, verbose: bool = False) -> 
             'The verdict is for the whole maneuver. Where "good for s" is 0, do not trust single predictions from one '
             "moment to the next."
         )
-    if any(set(check.scores) - set(check.moved) for check in document.maneuvers):
+    aside = [check for check in document.maneuvers if set(check.scores) - set(check.moved)]
+    if any(check.flight for check in aside):
+        lines.append("Outputs in parentheses are not judged.")
+    elif aside:
         lines.append("Outputs in parentheses moved too little to be judged.")
     # Accelerations of motors have none.
     if any(check.j_rms > 0.0 for check in document.maneuvers):

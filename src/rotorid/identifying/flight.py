@@ -82,10 +82,11 @@ class Flights:
         return predictor.predict(records, VerifySettings(), Selection(fitted=data.flights, unseen=())).found
 
     def checks(self, fitted: FittedFlight, found: Verifications) -> Checks:  # noqa: ARG002 - as all methods
-        """Scores of each stretch."""
+        """Scores of each stretch, of what it judges."""
         return Checks(
             records={
-                f"{check.record} at {check.maneuver.start_s:.1f} s": dict(check.scores) for check in found.maneuvers
+                f"{check.record} at {check.maneuver.start_s:.1f} s": {name: check.scores[name] for name in check.moved}
+                for check in found.maneuvers
             }
         )
 

@@ -10,7 +10,8 @@ import pytest
 from tests.twins.flight_flights import AIR, Case, FlightTwin, craft_of, twin
 
 from rotorid.checking.checks import flight_scores
-from rotorid.checking.flight import FlightPredictor, known_flight, torque_bands
+from rotorid.checking.flight import FlightPredictor, _unjudged, known_flight, torque_bands
+from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.flight.fit import FlightRange, covered
 from rotorid.fitting.flight.motion import motion
@@ -108,6 +109,59 @@ def test_an_axis_that_the_motors_do_not_turn_judges_no_vehicle(flown: FlightTwin
     assert "r_dot" in check.output_names
     assert "r_dot" not in check.moved
     assert {"p_dot", "q_dot"} <= set(check.moved)
+
+
+def test_what_does_not_judge_is_named_once_with_its_reason(flown: FlightTwin) -> None:
+    vehicle = predictor(flown)
+    (stretch,) = vehicle._stretches(vehicle.data(flown.record, ()))
+    check = vehicle._verification(stretch)
+    rows = {name: check.measured[row] for row, name in enumerate(check.output_names)}
+    still = check.measured * np.array([[0.0 if name == "ay" else 1.0] for name in rows])
+    idle = tuple(name for name in check.moved if name not in ("ay", "p_dot"))
+    (found,) = _unjudged("flight", replace(check, measured=still, moved=idle))
+    assert found.severity == "info"
+    assert found.message == (
+        "flight does not judge ay and p_dot: slow motion varies ay by 0 m/s² only (0.5 needed); the motors do not "
+        "explain roll."
+    )
+    assert _unjudged("flight", replace(check, moved=check.output_names)) == []
+
+
+def in_wind(flown: FlightTwin, north_m_s: float, east_m_s: float) -> FlightRecord:
+    """The same flight through the air, carried over the ground by a wind."""
+    (topic,) = flown.record.topics
+    names = [channel.name for channel in topic.channels]
+    values = topic.values.copy()
+    values[names.index("velocity_north")] += north_m_s
+    values[names.index("velocity_east")] += east_m_s
+    return replace(flown.record, topics=(replace(topic, values=values),))
+
+
+def test_a_wind_is_of_the_log_though_no_fitted_flight_had_one(flown: FlightTwin) -> None:
+    vehicle = predictor(flown)
+    assert not vehicle.windy
+    (calm,) = vehicle.predict([flown.record], VerifySettings()).found.maneuvers
+    (blown,) = vehicle.predict([in_wind(flown, 3.0, -2.0)], VerifySettings()).found.maneuvers
+    assert calm.flight is not None
+    assert blown.flight is not None
+    assert blown.flight.wind == pytest.approx((flown.wind[0] + 3.0, flown.wind[1] - 2.0), abs=0.3)
+    # Gusts have a mean, which counts with a wind.
+    assert (blown.flight.errors.force_rms_n or 9.0) < 1.03 * (calm.flight.errors.force_rms_n or 0.0)
+    assert blown.scores["ax"].tic == pytest.approx(calm.scores["ax"].tic, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("wind", "windy", "taken"),
+    [((0.5, 0.5), False, False), ((0.5, 0.5), True, True), ((3.0, -2.0), False, True), ((np.nan, np.nan), True, False)],
+)
+def test_what_a_bias_may_be_is_no_wind_of_a_log(
+    flown: FlightTwin, monkeypatch: pytest.MonkeyPatch, wind: tuple[float, float], windy: bool, taken: bool
+) -> None:
+    found = (np.array(wind), np.array([0.6, 0.6]))
+    monkeypatch.setattr("rotorid.checking.flight.wind_of", lambda *_, **__: found)
+    (check,) = replace(predictor(flown), windy=windy).predict([flown.record], VerifySettings()).found.maneuvers
+    assert check.flight is not None
+    assert check.flight.wind == (wind if taken else None)
 
 
 def test_a_vehicle_without_drag_is_off_by_it(flown: FlightTwin) -> None:

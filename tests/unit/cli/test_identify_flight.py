@@ -46,6 +46,26 @@ def test_the_terminal_names_drag_and_error(folder: Path, words: list[str]) -> No
     assert "thrust of a rotor in hover" in ran.out
 
 
+def test_unseen_data_are_scored_where_they_judge(folder: Path, words: list[str], identified: Ran) -> None:
+    """Climbs at one heading turn yaw by gusts alone."""
+    assert identified.code == 0
+    log_file(folder, flown(mission="climbs", seed=1).record, "other.csv")
+    out = folder / "judged"
+    unseen = ["--verify", folder / "other.csv"]
+    ran = rotorid("identify", folder / "flight.csv", *words, "--fix", "m=0.52", *unseen, "--out", out)
+    assert ran.code == 0
+    document = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    (scores,) = document["verification"]["records"].values()
+    reasons = [found["message"] for found in document["findings"] if found["kind"] == "not_verified"]
+    all_six = {"ax", "ay", "az", "p_dot", "q_dot", "r_dot"}
+    assert set(scores) < all_six
+    (reason,) = reasons
+    named = reason.partition(" does not judge ")[2].partition(":")[0]
+    assert set(named.replace(" and ", ", ").split(", ")) <= all_six - set(scores)
+    (line,) = [line for line in ran.out.splitlines() if line.startswith("unseen data: ")]
+    assert all((f" {name} TIC " in line) == (name in scores) for name in all_six)
+
+
 def test_a_vehicle_of_unknown_size_is_refused(folder: Path, identified: Ran) -> None:
     assert identified.code == 0
     log = folder / "flight.csv"

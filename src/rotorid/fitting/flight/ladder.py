@@ -205,8 +205,11 @@ def wind_of(
     kind: VelocityClass,
     cutoff_hz: float | None = None,
     skew_s: float = 0.0,
-) -> FloatArray:
-    """Wind of a flight in which a vehicle is known, toward north and east, m/s, shape ``(2,)``.
+    least_gain: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Wind of a flight in which a vehicle is known, toward north and east, and its standard deviation.
+
+    In m/s, shape ``(2,)`` each; not finite where data that were not fitted gain less by a wind.
 
     Parameters
     ----------
@@ -214,12 +217,13 @@ def wind_of(
         Of the vehicle; what they lack counts as zero.
     record
         With specific force, attitude and velocity.
-    kind, cutoff_hz, skew_s
+    kind, cutoff_hz, skew_s, least_gain
         As in a fit.
     """
     zeros = dict.fromkeys((*FORCE_TERMS, *PLACE, "T_motor"), 0.0)
-    choices = ForceChoices({**zeros, **values}, (), kind, True, cutoff_hz, np.array([skew_s]), 0.0)
-    return np.asarray(fit_force((record,), airframe, choices).winds[0], dtype=np.float64)
+    choices = ForceChoices({**zeros, **values}, (), kind, True, cutoff_hz, np.array([skew_s]), least_gain)
+    found = fit_force((record,), airframe, choices)
+    return found.winds[0], found.wind_stds[0]
 
 
 class _Search:
