@@ -101,8 +101,9 @@ def over_speed(anchor: IdentifiedModel, flight: IdentifiedModel) -> OverSpeed:
             needed=f"a flight that is {SPACING_M_S:g} m/s faster",
         )
     found = implied_derivatives(flight, (own_m_s, *speeds))
-    # Without flapping, moments by speed lack the largest part.
-    shown = _ACROSS | {name for name in _BY_SPEED if "m_f" in values or name[0] in FORCES}
+    # Without flapping or height of the rotors, moments by speed lack the largest part.
+    turned = not values.keys().isdisjoint(("m_f", "z_cg"))
+    shown = _ACROSS | {name for name in _BY_SPEED if turned or name[0] in FORCES}
     shared, findings = _shared(anchor, found, [name for name in anchor.structure.parameters.free if name in shown])
     places = range(len(found.trims))
     return OverSpeed(tuple(_moved(anchor, found, place, shared, values, airframe) for place in places), findings)

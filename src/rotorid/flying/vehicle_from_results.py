@@ -86,7 +86,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "spin_min": "1",
         "spin_max": "1",
         "reference_v": "V",
-        **dict.fromkeys(PLACE, "m"),
+        **dict.fromkeys((*PLACE, "z_cg"), "m"),
         **AIR_UNITS,
     }
 )
@@ -574,10 +574,7 @@ def _of_motors(
         found["reference_v"] = VehicleNumber(value=motors.reference_v, unit="V", source="derived", of=of)
     # What a fit assumed, from other numbers and what is usual, nobody gave.
     assumed = model.flight.missing if model.flight is not None else {}
-    return {
-        name: replace(number, source="derived") if name in assumed else number
-        for name, number in found.items()
-    }
+    return {name: replace(number, source="derived") if name in assumed else number for name, number in found.items()}
 
 
 def _of_air(model: IdentifiedModel, factors: Mapping[str, float], scale: float | None) -> dict[str, VehicleNumber]:
@@ -589,7 +586,7 @@ def _of_air(model: IdentifiedModel, factors: Mapping[str, float], scale: float |
     of = _label(model)
     of_air = air_factors(model, full=factors.get("c_1"), scale=scale, length=factors.get("I_xx", 1.0))
     found = {name: _number(name, kept[name], of, of_air[name]) for name in AIR_UNITS if name in kept and name in of_air}
-    found |= {name: _number(name, kept[name], of) for name in PLACE if name in kept}
+    found |= {name: _number(name, kept[name], of) for name in (*PLACE, "z_cg") if name in kept}
     if "J_r" in kept and "J_r" in of_air:
         found["h"] = _number("h", kept["J_r"], of, of_air["J_r"])
     if scale is not None:
@@ -964,6 +961,7 @@ def _multirotor(
             flow=rotor_flow(value, rotors=rotors.rotors, density_kg_m3=density_kg_m3),
         ),
         vertical_drag_n_s2_m2=value.get("d_z", 0.0),
+        center_of_gravity_m=(0.0, 0.0, value.get("z_cg", 0.0)),
         source=", ".join(dict.fromkeys(map(_label, models))),
     )
     of_rotors = np.zeros((6, 6))
@@ -992,19 +990,23 @@ _CAUSES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "X_u": ("k_d",),
         "Y_v": ("k_d",),
         "Z_w": ("c_lambda",),
-        "M_u": ("m_f", "m_fx", "k_d"),
-        "L_v": ("m_f", "k_d"),
+        "M_u": ("m_f", "m_fx", "k_d", "z_cg"),
+        "L_v": ("m_f", "k_d", "z_cg"),
         "L_p": ("c_lambda", "k_d", "m_f"),
         "M_q": ("c_lambda", "k_d", "m_f", "m_fx"),
         "N_r": ("k_d", "k_r"),
     }
 )
-"""What of the rotors' air makes a derivative of hover; the first has to be known for it."""
+"""What of the rotors' air makes a derivative of hover; the first has to be known for it, or the last if a height."""
 
 
 def _shown_by_air(numbers: Mapping[str, VehicleNumber]) -> tuple[str, ...]:
     """Derivatives of hover that follow from what the rotors do in moving air."""
-    return tuple(key for key, causes in _CAUSES.items() if causes[0] in numbers)
+    return tuple(
+        key
+        for key, causes in _CAUSES.items()
+        if causes[0] in numbers or (causes[-1] == "z_cg" and {"k_d", "z_cg"} <= numbers.keys())
+    )
 
 
 def _slope_stds(

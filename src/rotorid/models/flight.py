@@ -17,9 +17,9 @@ Momentum theory (Glauert) gives the induced velocity, and with it the inflow :ma
     F = \sum (H_i, -T_i) - d_z V_z |V| \hat z, \qquad
     f = F / m + \dot\omega \times a + \omega \times (\omega \times a)
 
-    M = \sum r_i \times (H_i, -T_i) + m_f \sum \Omega_i v_{ind} \frac{\hat z \times V_i}{|\lambda_i| + L_i}
+    M = \sum (r_i - c) \times (H_i, -T_i) + m_f \sum \Omega_i v_{ind} \frac{\hat z \times V_i}{|\lambda_i| + L_i}
         + m_{fx} \sum \Omega_i v_{ind} \frac{u_i \hat y}{|\lambda_i| + L_i}
-        + m_s \sum s_i \Omega_i (u_i, v_i) + N \hat z + (y_{cg}, -x_{cg}, 0) \sum T_i
+        + m_s \sum s_i \Omega_i (u_i, v_i) + N \hat z
 
     N = \sum s_i (\kappa T_{i,static} + \kappa_\lambda \lambda_i^2 + J_r \dot\Omega_i) - k_r r \sum \Omega_i, \qquad
     I \dot\omega + \omega \times I \omega = M
@@ -28,6 +28,10 @@ with :math:`L_i = \sqrt{h_i^2 + \lambda_i^2}`. The wake of a rotor that moves ed
 that the induced velocity grows from front to rear by :math:`v_{ind} \tan(\chi / 2)`,
 :math:`\tan(\chi / 2) = h_i / (|\lambda_i| + L_i)` (Coleman): the front lifts more, which tilts the vehicle back. A
 body is no disc: two quadrotors tilt back 1.3 to 1.8 times as much in forward flight as sideways, by :math:`m_{fx}`.
+
+The center of gravity is off by c from where the layout has it. Where drag acts above it (:math:`z_{cg} > 0`), drag
+tilts the vehicle back too: by speed, while the gradient of a skewed wake stops growing beyond the induced velocity. A
+flight through both speeds tells them apart.
 
 Axes are front, right, down; thrust :math:`T_i` is upward, and :math:`s_i` is +1 where a rotor turns the nose right.
 Every force is linear in its coefficient once the inflow is known, and the inflow needs only a thrust that is about
@@ -123,6 +127,9 @@ FLIGHT_PARAMETERS: Mapping[str, FlightParameter] = {
     "k_r": FlightParameter("N m s^2/rad^2", "yaw damping by the speed of the rotors"),
     "x_cg": FlightParameter("m", "center of gravity ahead of the rotors' center", 0.003, absolute=True),
     "y_cg": FlightParameter("m", "center of gravity right of the rotors' center", 0.003, absolute=True),
+    "z_cg": FlightParameter(
+        "m", "height of drag over the center of gravity, beyond that of the layout", 0.003, absolute=True
+    ),
 }
 """Names, units and usual scatter, in the order of tables.
 
@@ -422,19 +429,39 @@ def flight_loads(
     air = rotor_air(airframe, velocity, rates, inflow_thrust(values, airframe, speeds))
     values = {**values, "c_2": full_thrust(values)}
     names = tuple(name for name in (*FORCE_TERMS, *HUB_TERMS) if values.get(name, 0.0) != 0.0)
-    force, moment, up = np.zeros((3, speeds.shape[1])), np.zeros((3, speeds.shape[1])), np.zeros(speeds.shape[1])
+    force, moment = np.zeros((3, speeds.shape[1])), np.zeros((3, speeds.shape[1]))
+    of_rotors = np.zeros_like(force)
     for name, column in flight_columns(names, airframe, speeds, air, velocity, rates).items():
         force += values[name] * column.force
         moment += values[name] * column.moment
-        if name in THRUST_TERMS:
-            up -= values[name] * column.force[2]
+        if name in THRUST_TERMS or name in SIDE_TERMS:
+            of_rotors += values[name] * column.force
     spins = airframe.spins[:, None]
     moment[2] += values.get("kappa", 0.0) * (spins * values["c_2"] * speeds**2).sum(axis=0)
     if spin_up is not None:
         moment[2] += values.get("J_r", 0.0) * (spins * spin_up).sum(axis=0)
-    moment[0] += values.get("y_cg", 0.0) * up
-    moment[1] -= values.get("x_cg", 0.0) * up
+    for name, turned in center_columns(of_rotors).items():
+        moment += values.get(name, 0.0) * turned
     return Columns(force, moment)
+
+
+def center_columns(of_rotors: FloatArray) -> dict[str, FloatArray]:
+    """Moments of forces of the rotors for each meter that the center of gravity is off, N m/m, shape ``(3, n)`` each.
+
+    Yaw, which rotor drag makes of ``x_cg`` and ``y_cg``, is left out: drag is a few percent of thrust.
+
+    Parameters
+    ----------
+    of_rotors
+        Thrust and drag of all rotors, N, shape ``(3, n)``.
+    """
+    ahead, right, down = of_rotors
+    still = np.zeros_like(down)
+    return {
+        "x_cg": np.stack([still, down, still]),
+        "y_cg": np.stack([-down, still, still]),
+        "z_cg": np.stack([right, -ahead, still]),
+    }
 
 
 def inflow_thrust(values: Mapping[str, float], airframe: Airframe, speeds: FloatArray) -> FloatArray:

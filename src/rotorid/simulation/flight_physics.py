@@ -103,7 +103,7 @@ def with_flight(vehicle: Multirotor, values: Mapping[str, float], *, disc_m2: fl
         What it is otherwise. Drag and derivatives of its body go: the numbers stand for them.
     values, full
         See :func:`rotors_with`. ``m``, ``I_xx``, ``I_yy`` and ``I_zz`` replace those of the vehicle where present,
-        ``x_cg`` and ``y_cg`` move its center of gravity.
+        ``x_cg``, ``y_cg`` and ``z_cg`` move its center of gravity.
     disc_m2
         That one rotor sweeps.
 
@@ -126,7 +126,7 @@ def with_flight(vehicle: Multirotor, values: Mapping[str, float], *, disc_m2: fl
         aerodynamics=None,
         quadratic_drag_n_s2_m2=(0.0, 0.0, 0.0),
         vertical_drag_n_s2_m2=values.get("d_z", 0.0),
-        center_of_gravity_m=(x + values.get("x_cg", 0.0), y + values.get("y_cg", 0.0), z),
+        center_of_gravity_m=(x + values.get("x_cg", 0.0), y + values.get("y_cg", 0.0), z + values.get("z_cg", 0.0)),
         effectiveness=None,
     )
 

@@ -124,3 +124,15 @@ def test_without_inertia_there_are_no_derivatives_of_moments(numbers: dict[str, 
 def test_a_speed_beyond_the_rotors_is_refused(numbers: dict[str, float], frame: Airframe) -> None:
     with pytest.raises(ModelError, match="do not carry"):
         flight_trim(numbers, frame, 400.0)
+
+
+def test_what_tilts_back_is_that_of_the_simulated_vehicle(frame: Airframe) -> None:
+    """Skewed wakes, and drag above the center of gravity, by whichever of frame and number that is known."""
+    tilting = {**NUMBERS, "m_f": 0.004, "m_fx": 0.002}
+    flying = with_flight(craft.vehicle(), {**tilting, "z_cg": 0.03}, disc_m2=DISC_M2)
+    ours = flight_derivatives({**tilting, "z_cg": 0.03}, frame, SPEEDS)
+    for place, speed in enumerate(SPEEDS):
+        theirs = hover_derivatives_of(flying, craft.autopilot(), airspeed_m_s=speed)
+        for name in ("M_u", "L_v", "M_w"):
+            value = ours.values[place, ours.names.index(name)]
+            assert value == pytest.approx(theirs[name], rel=0.02, abs=0.01), (name, speed)

@@ -40,6 +40,7 @@ from rotorid.models.flight import (
     SIDE_TERMS,
     Air,
     Airframe,
+    center_columns,
     flight_columns,
     full_thrust,
     hover_thrust,
@@ -50,7 +51,7 @@ from rotorid.models.flight import (
 from rotorid.models.motors import SPIN_UP, Curve, motor_parameters
 from rotorid.typing import FloatArray
 
-AIR_TERMS = (*HUB_TERMS, "x_cg", "y_cg")
+AIR_TERMS = (*HUB_TERMS, "x_cg", "y_cg", "z_cg")
 """Moments that motors and inertia leave."""
 
 MOMENT_NUMBERS = (*INERTIA.values(), "kappa", "J_r", *AIR_TERMS)
@@ -59,8 +60,19 @@ MOMENT_NUMBERS = (*INERTIA.values(), "kappa", "J_r", *AIR_TERMS)
 GAINS = ("gain_p", "gain_q", "gain_r")
 """Numbers of the predictor: the share of the motors' moments that shows about each axis."""
 
-LADDER: tuple[tuple[str, ...], ...] = (("m_f",), ("m_fx",), ("x_cg", "y_cg"), ("m_s",), ("kappa_lambda",), ("k_r",))
+LADDER: tuple[tuple[str, ...], ...] = (
+    ("m_f",),
+    ("m_fx",),
+    ("x_cg", "y_cg"),
+    ("z_cg",),
+    ("m_s",),
+    ("kappa_lambda",),
+    ("k_r",),
+)
 """Moments of the air in the order in which they are tried."""
+
+_LIKE_HEIGHT: tuple[tuple[str, ...], ...] = (("x_cg", "y_cg"), ("m_fx",), ("m_f",))
+"""What may have entered for rotors that are higher than the layout has them, and is then judged again."""
 
 MOMENT_HZ = 25.0
 """Up to here moments are compared: beyond, differences of gyros are noise."""
@@ -655,8 +667,10 @@ def _rows(record: MotorRecord, moved: Motion, airframe: Airframe, values: Mappin
     made = flight_columns(HUB_TERMS, airframe, moved.speeds, air, moved.velocity, moved.rates)
     columns = {name: column.moment for name, column in made.items()}
     up = rotor_thrusts(values, airframe, moved.speeds, air).sum(axis=0)
-    still = np.zeros_like(up)
-    columns |= {"x_cg": np.stack([still, -up, still]), "y_cg": np.stack([up, still, still])}
+    sides = flight_columns(SIDE_TERMS, airframe, moved.speeds, air, moved.velocity, moved.rates)
+    of_rotors = sum((values.get(name, 0.0) * one.force for name, one in sides.items()), start=np.zeros((3, up.size)))
+    of_rotors[2] -= up
+    columns |= center_columns(of_rotors)
     late = np.stack([_late(rows, delay_s * record.sample_rate_hz) for rows in columns.values()])
     thinned = _compared(late, record.sample_rate_hz)
     turned = _matrix(values)
@@ -724,8 +738,8 @@ def _climbed(
         tried = [name for name in terms if name not in known and (choices.terms is None or name in choices.terms)]
         if not tried or not any(_acts(rows, name, axes) for name in tried):
             continue
-        if "m_f" in tried and slow:
-            missing["m_f"] = slow
+        if slow and {"m_f", "z_cg"} & set(tried):
+            missing |= {"m_f": slow} if "m_f" in tried else {}
             continue
         if "m_fx" in tried and "m_f" not in {*names, *known}:
             continue
@@ -733,11 +747,37 @@ def _climbed(
         rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))
         # A gain of the wildest flight alone is none of the vehicle.
         entered = rms_after < (1.0 - choices.least_gain) * rms and bool(np.all(after <= before))
-        ladder.append(MomentRung(tuple(tried), rms, rms_after, entered))
+        fewer = [*names, *tried]
+        if entered and "z_cg" in tried:
+            fewer = _without_superfluous(rows, fewer, axes, choices.least_gain)
+            after = _judged(rows, fewer, axes)
+            entered = float(after.sum()) < float(before.sum())
+        entered = entered and not _tilts_forward(rows, fewer, axes)
+        ladder.append(MomentRung(tuple(tried), rms, float(np.sqrt(after.sum())), entered))
         if entered:
-            names, before = [*names, *tried], after
+            names, before = fewer, after
+            ladder = [rung._replace(entered=rung.entered and set(rung.terms) <= set(names)) for rung in ladder]
     found = _solved(rows, names, axes) if names else np.zeros(0)
     return known | dict(zip(names, map(float, found), strict=True)), tuple(ladder)
+
+
+def _without_superfluous(rows: Sequence[_Rows], names: list[str], axes: Sequence[int], least_gain: float) -> list[str]:
+    """Terms without what drag of high rotors has made superfluous."""
+    for terms in _LIKE_HEIGHT:
+        fewer = [name for name in names if name not in terms]
+        # What forward flight adds has to be added to something.
+        if fewer == names or ("m_fx" in fewer and "m_f" not in fewer):
+            continue
+        rms, rms_without = (float(np.sqrt(_judged(rows, some, axes).sum())) for some in (names, fewer))
+        forward = "m_f" in terms and _tilts_forward(rows, names, axes)
+        if forward or rms >= (1.0 - least_gain) * rms_without:
+            names = fewer
+    return names
+
+
+def _tilts_forward(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> bool:
+    """Whether ``m_f`` would be negative, as it is of no rotor, but of drag that acts elsewhere than assumed."""
+    return "m_f" in names and float(_solved(rows, names, axes)[list(names).index("m_f")]) < 0.0
 
 
 def _acts(rows: Sequence[_Rows], name: str, axes: Sequence[int]) -> bool:
@@ -746,7 +786,8 @@ def _acts(rows: Sequence[_Rows], name: str, axes: Sequence[int]) -> bool:
 
 def _predictor(rows: Sequence[_Rows], axes: Sequence[int]) -> dict[str, float]:
     """Everything free over all frequencies: the share of the motors' moments that shows, and all moments of the air."""
-    names = [name for name in AIR_TERMS if _acts(rows, name, axes)]
+    # Height of the rotors and the skewed wake predict alike.
+    names = [name for name in AIR_TERMS if name != "z_cg" and _acts(rows, name, axes)]
     gains = [GAINS[place] for place in axes]
     freed = []
     for row in rows:

@@ -52,6 +52,27 @@ def test_forward_flight_tilts_back_by_more() -> None:
     assert found.values["m_fx"] == pytest.approx(truth["m_fx"], rel=0.1)
 
 
+def test_drag_above_the_center_of_gravity_is_no_flapping() -> None:
+    """Of a layout without heights: by speed, both tilt the vehicle back, and nothing else distinguishes them."""
+    truth = {name: value for name, value in TRUTH.items() if name != "m_f"} | {"z_cg": 0.04}
+    flights = [made_up_flight(seed, gusts_nm=0.003, seconds=20.0, truth=truth) for seed in (1, 2)]
+    choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]})
+    found = fit_moments(flights, FRAME, [motion(record) for record in flights], FORCE, choices)
+    assert found.entered == ("z_cg",)
+    assert found.values["z_cg"] == pytest.approx(0.04, rel=0.05)
+    assert [rung.terms for rung in found.ladder if rung.entered] == [("z_cg",)]
+
+
+def test_flapping_and_drag_above_the_center_of_gravity_are_told_apart() -> None:
+    truth = {**TRUTH, "z_cg": 0.03}
+    flights = [made_up_flight(seed, gusts_nm=0.003, seconds=20.0, truth=truth) for seed in (1, 2)]
+    choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]})
+    found = fit_moments(flights, FRAME, [motion(record) for record in flights], FORCE, choices)
+    assert set(found.entered) == {"m_f", "z_cg"}
+    assert found.values["z_cg"] == pytest.approx(0.03, rel=0.15)
+    assert found.values["m_f"] == pytest.approx(truth["m_f"], rel=0.1)
+
+
 def test_what_is_left_are_the_gusts(fitted: MomentFit) -> None:
     assert np.all(fitted.axes_nm < 0.0045)
     assert np.all(fitted.rms_nm < 1.6 * 0.003 * np.sqrt(3.0))
