@@ -356,8 +356,8 @@ def _flight(document: ResultDocument) -> Iterator[str]:
         yield f"rotor drag {with_error(drag.value, drag.std)} 1/s in hover{f'; {words}' if words else ''}"
     for log in flight.logs:
         wind = f", wind {log.wind_m_s[0]:.1f} m/s north, {log.wind_m_s[1]:.1f} m/s east" if log.wind_m_s else ""
-        moment = "" if log.moment_rms_nm is None else f" and {significant(1e3 * log.moment_rms_nm)} mN m"
-        yield f"{log.record}: error {significant(log.force_rms_n)} N{moment}{wind}"
+        moment = "" if log.moment_rms_nm is None else f", of moment {significant(1e3 * log.moment_rms_nm)} mN m"
+        yield f"{log.record}: error of force {significant(log.force_rms_n)} N{moment}{wind}"
 
 
 def _derived(document: ResultDocument) -> Iterator[str]:

@@ -152,7 +152,7 @@ def drag_words(flight: FlightPhysics) -> str:
     if drag is None or not drag.value > TWO_SIDED_95 * drag.std:
         return ""
     found = top_speed(Quantity.normal(drag.value, drag.std, drag.unit), flight.limits.edge_m_s[1])
-    return f"top speed at 30° {QUANTITIES['top_speed_m_s'].shown(found)}"
+    return f"top speed at 30° of tilt {QUANTITIES['top_speed_m_s'].shown(found)}"
 
 
 def _source(flight: FlightPhysics) -> str:

@@ -113,7 +113,7 @@ def test_other_models_have_no_air() -> None:
 def test_the_page_says_drag_wind_and_terms() -> None:
     page = page_of(document())
     words = " ".join(page.text)
-    assert "top speed at 30° 19 m/s (15 to 20 m/s)" in words
+    assert "top speed at 30° of tilt 19 m/s (15 to 20 m/s)" in words
     assert "Rotor drag: 0.300 ± 0.010 1/s in hover." in words
     assert shown().logs[0].wind == "3.10 ± 0.20 north, −1.90 ± 0.30 east"
     assert shown().ladder[1].result == "left out: no gain"

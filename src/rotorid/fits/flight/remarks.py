@@ -57,14 +57,14 @@ def _disc(identified: FittedFlight) -> Iterator[Finding]:
     if not given.disc_assumed:
         return
     what = (
-        f"The rotor diameter was assumed, {given.diameter_m:.2g} m by the distance of the rotors"
+        f"The rotor diameter was assumed: {given.diameter_m:.2g} m, from the distance between the rotors"
         if given.scaled
         else "Disc loading was assumed, as mass and rotor diameter are unknown"
     )
     yield remark(
         "assumed_disc",
         "rotor diameter",
-        f"{what}. Inflow depends on it, and c_lambda takes up most of an error. Give --rotor-diameter METERS"
+        f"{what}. Inflow depends on it, and an error mostly changes c_lambda. Give --rotor-diameter METERS"
         f"{'' if given.scaled else ' and --fix m=KILOGRAMS'}.",
         diameter_m=given.diameter_m,
     )
@@ -76,9 +76,9 @@ def _curve(identified: FittedFlight) -> Iterator[Finding]:
         yield warn(
             "assumed_curve",
             "thrust",
-            "The log has demands of thrust, which are linear in it, and the model takes outputs as shares of the full "
-            "speed: the slope of thrust in hover is up to twice the true one, and so is inertia. Log motor speeds, or "
-            "use physical.motors for thrust and inertia.",
+            "The log has thrust demands, but the model takes them as shares of the full motor speed. The slope of "
+            "thrust in hover and the inertia may be up to twice the true ones. Log motor speeds, or use "
+            "physical.motors for thrust and inertia.",
         )
 
 
@@ -114,8 +114,8 @@ def _by_tilt(identified: FittedFlight) -> Iterator[Finding]:
         yield remark(
             "drag_by_tilt",
             "k_d",
-            f"The flights are too slow for k_d by least squares. It is from the tilt as instrument: drag "
-            f"{with_error(drag.value, drag.std)} 1/s.",
+            f"The flights are too slow to fit k_d by least squares, so it was estimated with the tilt as instrument: "
+            f"drag {with_error(drag.value, drag.std)} 1/s.",
             drag_1_s=drag.value,
             std_1_s=drag.std,
         )
@@ -160,16 +160,16 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
             best = max(own, key=lambda octave: octave.correlation)
             single = best.correlation >= LEAST_CORRELATION
             why = (
-                "single octaves agree, but neighboring ones do not with the same delay"
+                f"single octaves reach {LEAST_CORRELATION:g}, but no two neighbors with the same delay"
                 if single
                 else f"no octave reaches {LEAST_CORRELATION:g}"
             )
             yield warn(
                 "no_excitation",
                 word,
-                f"Not enough data for {listed(names[:2])}: {word} was not excited enough. By correlation of motors and "
-                f"motion, {why} ({table}). Without excitation the motors show the controller, not the vehicle. Fly a "
-                "sweep, doublets or sharp maneuvers.",
+                f"Not enough data for {listed(names[:2])}: {word} was not excited enough. In the correlation of motors "
+                f"and motion, {why} ({table}). Without excitation, the motors show the controller, not the vehicle. "
+                "Fly a sweep, doublets or sharp maneuvers.",
                 correlation=best.correlation,
             )
         elif any(not octave.kept for octave in own):
@@ -179,8 +179,8 @@ def _torque(identified: FittedFlight) -> Iterator[Finding]:
             yield remark(
                 "torque_band",
                 word,
-                f"{named} is from {low:g} to {high:g} Hz, where the motors explain {word} ({table}). Below and "
-                "above, the controller and the air would make the torque of the motors look smaller than it is.",
+                f"{named} was fitted from {low:g} to {high:g} Hz, where the motors explain {word} (correlation: "
+                f"{table}). Below and above, the controller and the air make motor torque look too small.",
                 low_hz=low,
                 high_hz=high,
             )
@@ -191,8 +191,8 @@ def _yaw(identified: FittedFlight, known: Mapping[str, float]) -> Iterator[Findi
         yield remark(
             "not_identifiable",
             "kappa, I_zz",
-            "Yaw determines only kappa over I_zz. I_zz was assumed as that of a flat vehicle, I_xx + I_yy; kappa and "
-            "J_r are in proportion. Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE.",
+            "Yaw determines only kappa over I_zz. I_zz was assumed to be I_xx + I_yy, as for a flat vehicle; kappa and "
+            "J_r scale with it. Give --fix kappa=METERS from a bench, or --fix I_zz=VALUE.",
         )
         return
     if "r" in _silent(identified) or {"kappa", "I_zz"} & {*known, *identified.parameters.names}:

@@ -278,13 +278,14 @@ class _Search:
             if float(climb.std()) < _LEAST_CLIMB_M_S and highest < _LEAST_LOAD:
                 self.tied = "c_lambda" not in self.choices.known
                 self.missing["c_lambda"] = (
-                    f"vertical speed varied by {climb.std():.2g} m/s and load reached {highest:.2g} g: tied to c_2"
+                    f"vertical speed varied by {climb.std():.2g} m/s and load reached {highest:.2g} g, so it is tied "
+                    "to c_2"
                 )
             edge = float(np.sqrt(sum(np.concatenate([moved.velocity[k] for moved in driven]).var() for k in (0, 1))))
             if edge >= _LEAST_EDGE_M_S:
                 names.append("k_d")
             else:
-                self.missing["k_d"] = f"airspeed varied by {edge:.2g} m/s"
+                self.missing["k_d"] = f"airspeed varied by {edge:.2g} m/s ({_LEAST_EDGE_M_S:g} needed)"
         rates = np.concatenate([np.abs(moved.rates).max(axis=0) for moved in driven])
         turning = np.concatenate([moved.acceleration for moved in driven], axis=1)
         if np.quantile(rates, 0.995) >= _LEAST_RATE_RAD_S and turning.std() >= _LEAST_TURNING_RAD_S2:
@@ -307,9 +308,9 @@ class _Search:
         """Why flights cannot show a term; empty where they can."""
         fastest, climbs = self.speeds_m_s
         if fastest < _FAST_M_S:
-            return f"airspeed reached {fastest:.2g} m/s of {_FAST_M_S:g}"
+            return f"airspeed reached {fastest:.2g} m/s ({_FAST_M_S:g} needed)"
         if term != "c_h" and climbs < _CLIMBING_M_S:
-            return f"vertical speed covered {climbs:.2g} m/s of {_CLIMBING_M_S:g}"
+            return f"vertical speed covered {climbs:.2g} m/s ({_CLIMBING_M_S:g} needed)"
         return ""
 
     def free(self) -> tuple[str, ...]:

@@ -129,6 +129,9 @@ def test_outputs_have_a_lag_and_a_curve() -> None:
 def test_hover_ties_inflow_to_thrust_and_shows_no_drag() -> None:
     found = fitted(flown(7, TRUTH, speed=0.1, turning=0.1))
     assert {"c_lambda", "k_d", "x_imu"} <= set(found.missing)
+    assert found.missing["c_lambda"].endswith(" g, so it is tied to c_2")
+    assert found.missing["k_d"].endswith(" m/s (1 needed)")
+    assert found.missing["k_w"].endswith(" m/s (8 needed)")
     assert found.free == ("c_2",)
     assert found.values["c_lambda"] > 0.0
 
