@@ -38,3 +38,23 @@ def test_a_thrust_sweep_shows_no_drag(unpacked: Callable[[str], Path]) -> None:
     assert found.flight is not None
     assert "k_d" in found.flight.missing
     assert "drag" not in found.flight.hover
+
+
+@pytest.mark.slow
+def test_a_calm_fit_finds_the_wind_of_another_log(unpacked: Callable[[str], Path]) -> None:
+    """ArduPilot's simulator in 3.3 m/s toward (-1.65, -2.86); without it, fits along x and y are below -100 %."""
+    calm = identify(
+        read(unpacked("ardupilot_sitl/x_calm_verify.BIN.xz")),
+        "physical.flight",
+        verify=[read(unpacked("ardupilot_sitl/x_wind_rollpitch.BIN.xz"))],
+        fix={"m": 3.0},
+        arm_m=0.35,
+    )
+    assert calm.flight is not None
+    assert not any(log.wind_m_s for log in calm.flight.logs)
+    (check,) = calm.verifications.maneuvers
+    assert check.flight is not None
+    assert check.flight.wind == pytest.approx((-1.65, -2.86), abs=0.3)
+    assert min(check.scores[name].nrmse_fit_percent for name in ("ax", "ay")) > 50.0
+    # At one heading, part of it may be a bias.
+    assert "wind_or_bias" in {finding.kind for finding in calm.findings}

@@ -40,6 +40,7 @@ from rotorid.fitting.flight.moment import center_of, turned_axes
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_speeds, velocity_class
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
+from rotorid.flights.flight_faults import wind_or_bias
 from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorFlight, rotors_of
 from rotorid.flights.selection import Selection, require_reached
@@ -447,8 +448,10 @@ def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
     where = _where(stretch.flight)
     judged = check.flight
     beyond = _beyond(stretch.flight, (judged.outside_percent, dict(judged.outside))) if judged else []
+    headings = stretch.flight.record.attitude[2] if stretch.wind is not None else None
     return [
         *beyond,
+        *(wind_or_bias(float(np.ptp(np.unwrap(headings))), where) if headings is not None else ()),
         *_unjudged(where, check),
         *(
             warn(
