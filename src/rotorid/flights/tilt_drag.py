@@ -5,12 +5,21 @@ velocity :math:`v` over ground in body axes, the wind :math:`W` and the rotation
 
 .. math::
 
-    y = -(a_x, a_y) = (d + c\,|v_a|)\, v_a - h\,(\dot q + p r,\; q r - \dot p) + b, \qquad v_a = v - R^T (W_N, W_E, 0)^T
+    y = -(a_x, a_y) = (d\sqrt n + c\,|v_a|)\, v_a - h\,(\dot q + p r,\; q r - \dot p) + b,
+    \qquad v_a = v - R^T (W_N, W_E, 0)^T, \quad n = -a_z / g
 
 axis by axis (x and y), with the drag d and c over mass, the place h of the accelerometer along z from the center of
-gravity, and its bias b. Least squares of logged velocities is low by up to half, because their error is as large as the
-motion in a hover. The error of the velocity is not that of the tilt: :math:`z`, the horizontal acceleration of thrust
-that carries the weight, over the earth behind a lag and turned into the body, moves with the velocity and replaces it,
+gravity, and its bias b. A rotor of speed :math:`\Omega` drags with :math:`k_d\,\Omega\,v_a`, and all carry the load
+factor n, :math:`m g n = \sum k_T \Omega^2`. So :math:`\Omega = \Omega_1 \sqrt n`, and d is drag at one g,
+:math:`\sum k_d\,\Omega_1 / m`. (Inflow moves :math:`\Omega` as well, but not with n: logged speeds follow
+:math:`\sqrt n` with a slope of 0.89 to 1.02.) What grows with the airspeed is drag of the body, whatever the load. So
+drag in proportion to the airspeed is assumed to be that of rotors; where it is of the body, as in simulators, d is too
+small by the mean of :math:`\sqrt n`, which is nothing near one g. Where :math:`a_z` is not logged, n is one.
+
+Least squares of logged velocities is low by up to half, because their error is as large as the motion in a hover. The
+error of the velocity is not that of the tilt: :math:`z`, the horizontal acceleration of thrust that carries the weight,
+over the earth behind a lag and turned into the body, moves with the velocity and replaces it; with the load, both
+times :math:`\sqrt n`,
 
 .. math:: \hat d = (z \cdot y) / (z \cdot v)
 
@@ -55,7 +64,7 @@ import numpy as np
 from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
-from rotorid.data.quantity import TWO_SIDED_95, Quantity, with_error
+from rotorid.data.quantity import TWO_SIDED_95, Quantity, with_error, with_half
 from rotorid.data.record import FlightRecord, Intervals, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import flown
@@ -84,6 +93,9 @@ _SHORTEST_S, _FEWEST_S = 10.0, 20.0
 LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
 """Motion in the band, rms, and its correlation with the instrument."""
 
+_LOAD_HZ = 2.0 * HIGH_HZ
+"""Faster load is vibration: with motion up to the end of the band, it makes none in the band."""
+
 _WORST = 0.25
 """Standard deviation over drag from which there is none."""
 
@@ -108,17 +120,18 @@ TOP_SPEED_TILT_RAD = math.radians(30.0)
 
 @dataclass(frozen=True, kw_only=True)
 class TiltDrag(Immutable):
-    """Drag over mass of a vehicle, and the wind that it met.
+    r"""Drag over mass of a vehicle, and the wind that it met.
 
     Parameters
     ----------
     drag
-        In proportion to the airspeed, in 1/s, by the instrument: the mean slope over the airspeeds that were flown.
+        In proportion to the airspeed at one g, in 1/s, by the instrument: the mean slope over the airspeeds that were
+        flown.
     plain
         The same by least squares of the logged velocity.
     at_rest, quadratic
-        The parts d in 1/s and c in 1/m of a drag :math:`(d + c |v_a|) v_a` along each axis; ``None`` where the airspeed
-        varies too little to show both.
+        The parts d in 1/s and c in 1/m of a drag :math:`(d \sqrt n + c |v_a|) v_a` along each axis; ``None`` where the
+        airspeed varies too little to show both.
     wind_north, wind_east
         Where the air moves, m/s, of the longest flight; ``None`` where the heading is not logged.
     height
@@ -152,10 +165,16 @@ class TiltDrag(Immutable):
     difference_std: float
 
     @property
-    def agrees(self) -> bool:
-        """Whether both ways give the same drag within their random errors."""
+    def difference(self) -> Quantity:
+        """How much larger ``drag`` is than ``plain``, with random errors alone: the noise that they share drops out."""
         std = math.hypot(self.difference_std, math.sqrt(2.0) * _SCATTER * self.drag.value)
-        return abs(self.plain.value - self.drag.value) <= TWO_SIDED_95 * std
+        return _quantity(self.drag.value - self.plain.value, std, "1/s")
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference of both ways is within chance, or within the standard deviation of one of them."""
+        most = max(TWO_SIDED_95 * self.difference.std, self.drag.std, self.plain.std)
+        return abs(self.difference.value) <= most
 
     def top_speed(self, tilt_rad: float = TOP_SPEED_TILT_RAD) -> Quantity:
         r"""Airspeed of level flight at a tilt, m/s.
@@ -175,11 +194,14 @@ class TiltDrag(Immutable):
         """That both ways disagree, where they do."""
         if self.agrees:
             return ()
-        both = [with_error(found.value, found.std) for found in (self.drag, self.plain)]
+        drag, plain, apart = (
+            with_half(found.value, found.lower, found.upper, found.unit)
+            for found in (self.drag, self.plain, self.difference)
+        )
         message = (
-            f"Drag is {both[0]} 1/s with the tilt as instrument and {both[1]} 1/s by plain regression on "
-            f"{self.velocity_source}. Errors of that velocity make the second too small; gusts that the vehicle leans "
-            "against make the first too large. The first one counts."
+            f"Drag is {drag} with the tilt as instrument and {plain} by plain regression on {self.velocity_source}. "
+            f"The difference is {apart}, because noise that both share drops out. Errors of that velocity make the "
+            "second too small; gusts that the vehicle leans against make the first too large. The first one counts."
         )
         return (warn("both_ways_disagree", where, message, drag_1_s=self.drag.value, plain_1_s=self.plain.value),)
 
@@ -225,7 +247,7 @@ def tilt_drag(record: FlightRecord, stretches: Intervals) -> TiltDrag:
     Parameters
     ----------
     record
-        With ``ax ay phi theta``, and ``u v`` or ``velocity_north velocity_east psi``.
+        With ``ax ay phi theta``, and ``u v`` or ``velocity_north velocity_east psi``; with ``az``, the load counts.
     stretches
         When it flew; 3 s at both ends of each are left out.
 
@@ -333,8 +355,9 @@ class _Stretch:
     """Columns of a stretch of flight, each of shape ``(2, n)``: forward and right.
 
     ``braking`` is the specific force with its sign changed, ``pushed`` the acceleration by the tilt, north and east,
-    that becomes the instrument behind ``lag_s``, ``lever`` what an accelerometer
-    1 m below the center of gravity adds to ``braking``, ``north`` and ``east`` these directions in body axes.
+    that becomes the instrument behind ``lag_s``, ``lever`` what an accelerometer 1 m below the center of gravity adds
+    to ``braking``, ``north`` and ``east`` these directions in body axes. ``faster`` is the rotor speed over that at one
+    g, shape ``(n,)``.
     """
 
     rate_hz: float
@@ -344,6 +367,7 @@ class _Stretch:
     lever: FloatArray
     north: FloatArray
     east: FloatArray
+    faster: FloatArray
     heading_known: bool
     lag_s: float = _LAGS_S[0]
 
@@ -383,13 +407,11 @@ class _Stretch:
         return np.asarray(idct(dct(values, norm="ortho", axis=-1) * self._kept(values), norm="ortho", axis=-1))
 
     def _kept(self, values: FloatArray, band_hz: tuple[float, float] | None = None) -> BoolArray:
-        low_hz, high_hz = band_hz or (LOW_HZ, HIGH_HZ)
-        frequency_hz = 0.5 * self.rate_hz * np.arange(values.shape[-1]) / values.shape[-1]
-        return np.asarray((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
+        return _inside(values.shape[-1], self.rate_hz, *(band_hz or (LOW_HZ, HIGH_HZ)))
 
     def part(self, low_hz: float, high_hz: float) -> FloatArray:
-        """Braking, velocity, lever and tilt in another band, shape ``(4, 2, k)``."""
-        rows = np.stack([self.braking, self.velocity, self.lever, self.tilt])
+        """As ``linear`` in another band, shape ``(4, 2, k)``."""
+        rows = np.stack([self.braking, self.faster * self.velocity, self.lever, self.faster * self.tilt])
         return self.in_band(rows, (low_hz, high_hz))
 
     def thinned(self, values: FloatArray) -> FloatArray:
@@ -403,8 +425,14 @@ class _Stretch:
 
     @cached_property
     def linear(self) -> FloatArray:
-        """Braking, velocity, lever and tilt in the band, shape ``(4, 2, k)``."""
+        """Braking, velocity times rotor speed, lever and tilt times rotor speed in the band, shape ``(4, 2, k)``."""
         return self.part(LOW_HZ, HIGH_HZ)
+
+
+def _inside(size: int, rate_hz: float, low_hz: float, high_hz: float) -> BoolArray:
+    """Which cosines of so many samples are in a band."""
+    frequency_hz = 0.5 * rate_hz * np.arange(size) / size
+    return np.asarray((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
 
 
 def _velocities(record: FlightRecord) -> tuple[str, ...]:
@@ -431,7 +459,7 @@ def _stretches(record: FlightRecord, intervals: Intervals) -> list[_Stretch]:
             needed="specific force, attitude and velocity, to measure drag",
             remedy="log accelerometers, attitude and an estimated velocity",
         )
-    wanted += [name for name in ("psi", "velocity_down") if name in names and name not in wanted]
+    wanted += [name for name in ("psi", "velocity_down", "az") if name in names and name not in wanted]
     inner = tuple(
         (start_s + _EDGE_S, stop_s - _EDGE_S)
         for start_s, stop_s in intervals
@@ -467,8 +495,21 @@ def _stretch(history: TimeHistory) -> _Stretch:
         lever=-np.stack([q_dot + p * r, q * r - p_dot]),
         north=north,
         east=east,
+        faster=_rotor_speed(history),
         heading_known=known,
     )
+
+
+def _rotor_speed(history: TimeHistory) -> FloatArray:
+    """Rotor speed over that at one g, shape ``(n,)``: one where the load is not logged, zero where nothing lifts."""
+    from scipy.fft import dct, idct
+
+    size = history.values.shape[1]
+    if "az" not in history.names:
+        return np.ones(size)
+    kept = _inside(size, history.sample_rate_hz, 0.0, _LOAD_HZ)
+    load = idct(dct(-history["az"] / STANDARD_GRAVITY_M_S2, norm="ortho") * kept, norm="ortho")
+    return np.asarray(np.sqrt(np.maximum(load, 0.0)))
 
 
 def _acceleration(history: TimeHistory) -> FloatArray:
@@ -578,7 +619,7 @@ class _Solved:
         of_lag = _beyond_chance(late[0][0] - early[0][0], _std(late[1][0] - early[1][0]) ** 2)
         systematic = math.hypot(of_band, of_lag)
         stretches = [stretch for log in by_log for stretch in log]
-        motion = sum(float(np.sum(stretch.part(*wide)[1] ** 2)) for stretch in stretches)
+        motion = sum(float(np.sum(stretch.in_band(stretch.velocity, wide) ** 2)) for stretch in stretches)
         return cls(
             value=found,
             std=math.hypot(_std(moved[0]), systematic),
@@ -688,8 +729,9 @@ def _wind_columns(
         air = stretch.airspeed(found[:2])
         size = air.shape[1]
         bias = np.stack([np.stack([np.ones(size), np.zeros(size)]), np.stack([np.zeros(size), np.ones(size)])])
-        slope = at_rest + 2.0 * square * np.abs(air)
-        rest = stretch.braking - (at_rest + square * np.abs(air)) * air - np.einsum("k,kan->an", found[2:], bias)
+        rotors, body = at_rest * stretch.faster, square * np.abs(air)
+        slope = rotors + 2.0 * body
+        rest = stretch.braking - (rotors + body) * air - np.einsum("k,kan->an", found[2:], bias)
         left.append(stretch.thinned(rest))
         slopes.append(stretch.thinned(np.stack([-slope * stretch.north, -slope * stretch.east, *bias])))
     return np.concatenate(left, axis=-1), np.concatenate(slopes, axis=-1)
@@ -744,7 +786,7 @@ def _square_fit(
     braking, columns, instruments = [], [], []
     for log, wind, weight in zip(by_log, winds, solved.weights, strict=True):
         for stretch in log:
-            moved, tilt = stretch.linear[1], stretch.linear[3]
+            moved, tilt = stretch.in_band(stretch.velocity), stretch.in_band(stretch.tilt)
             gain = float(np.sum(moved * tilt)) / float(np.sum(tilt * tilt))
             # In the band as the tilt makes it; slower, as it was logged.
             made = stretch.velocity + stretch.only_band(gain * stretch.tilt - stretch.velocity)

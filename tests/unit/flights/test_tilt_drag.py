@@ -11,7 +11,7 @@ import pytest
 from tests.twins.tilt_flights import tilt_flights
 
 from rotorid.data.quantity import Quantity
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.tilt_drag import TiltDrag, tilt_drag, tilt_drag_of, top_speed
 
@@ -54,6 +54,43 @@ def test_errors_of_the_velocity_spoil_plain_regression_and_not_the_instrument() 
     (finding,) = telling[0].findings()
     assert finding.kind == "both_ways_disagree"
     assert finding.numbers == {"drag_1_s": telling[0].drag.value, "plain_1_s": telling[0].plain.value}
+
+
+def test_rotors_that_carry_more_turn_faster_and_drag_by_that_more() -> None:
+    """A course with a load of 0.8 to 2 g that is larger where it goes ahead: drag of one g, and no wind of its own."""
+    time_s = np.arange(0.0, 90.0, 0.02)
+    forward, side = (2.0 * np.sin(1.2 * time_s) + np.cos(0.7 * time_s), 2.0 * np.cos(0.9 * time_s))
+    load = 1.4 + 0.6 * np.sin(1.2 * time_s + 0.4)
+    drag = 0.3 * np.sqrt(load)
+    theta = -np.arcsin((np.gradient(forward, time_s) + drag * forward) / 9.80665)
+    phi = np.arcsin((np.gradient(side, time_s) + drag * side) / 9.80665)
+    none = np.zeros_like(time_s)
+    rows = {"ax": -drag * forward, "ay": -drag * side, "az": -9.80665 * load, "phi": phi, "theta": theta, "psi": none}
+    rows |= {"u": forward, "v": side}
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in rows)
+    topic = Topic(name="all", time_s=time_s, channels=channels, values=np.stack(list(rows.values())))
+    record = FlightRecord(source=Source(name="load.csv", format="CSV", sha256=""), topics=(topic,))
+    found = tilt_drag(record, WHOLE)
+    assert found.drag.value == pytest.approx(0.3, rel=0.003)
+    assert found.wind_north is not None
+    assert abs(found.wind_north.value) < 0.01
+    # Where the load is not logged, it counts as one g.
+    blind = tilt_drag(without(record, "az"), WHOLE)
+    assert blind.drag.value > 0.34
+    assert blind.wind_north is not None
+    assert abs(blind.wind_north.value) > 0.2
+
+
+def test_a_small_difference_or_one_within_an_error_is_no_disagreement() -> None:
+    (found,) = found_in(tilt_flights(1, seed=2))
+    sure = replace(found, drag=Quantity.normal(0.3, 0.02, "1/s"), difference_std=0.001)
+    assert replace(sure, plain=Quantity.normal(0.285, 0.001, "1/s")).agrees
+    apart = replace(sure, plain=Quantity.normal(0.25, 0.02, "1/s"))
+    (finding,) = apart.findings()
+    # 95 %, as a card has them.
+    assert "Drag is 0.30 ± 0.04 1/s with the tilt as instrument and 0.25 ± 0.04 1/s by plain" in finding.message
+    assert "The difference is 0.050 ± 0.013 1/s" in finding.message
+    assert replace(apart, difference_std=0.03).agrees
 
 
 def test_an_accelerometer_off_the_center_of_gravity_does_not_count_as_drag() -> None:
