@@ -101,8 +101,9 @@ def test_real_logs_show_one_drag_and_one_place_of_the_accelerometer_in_every_ban
     whole = tilt_drag(record, flights)
     assert whole.drag.value == pytest.approx(0.2, abs=0.025)
     for low_hz, high_hz in ((0.1, 2.0), (0.2, 2.0)):
-        monkeypatch.setattr("rotorid.flights.tilt_drag.LOW_HZ", low_hz)
-        monkeypatch.setattr("rotorid.flights.tilt_drag.HIGH_HZ", high_hz)
+        for module in ("braking", "tilt_drag"):
+            monkeypatch.setattr(f"rotorid.flights.{module}.LOW_HZ", low_hz)
+            monkeypatch.setattr(f"rotorid.flights.{module}.HIGH_HZ", high_hz)
         found = tilt_drag(record, flights)
         assert abs(found.drag.value - whole.drag.value) < 2.0 * whole.drag.std
         assert found.height.value == pytest.approx(-0.047, abs=0.004)

@@ -57,44 +57,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import TWO_SIDED_95, Quantity, with_error, with_half
-from rotorid.data.record import FlightRecord, Intervals, TimeHistory
+from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError
-from rotorid.flights.whole_flights import flown
-from rotorid.frames import body_to_earth, rates_from_attitude
+from rotorid.flights.braking import HIGH_HZ, LOW_HZ, Stretch, stretches_of, velocities_of
 from rotorid.models.flight import ALONG_BODY_BIAS_M_S2
-from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer
-from rotorid.signal.kinematics import derivative, to_body
-from rotorid.typing import BoolArray, FloatArray
+from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
-
-LOW_HZ, HIGH_HZ = 0.1, 1.0
-"""Band of the motion that shows drag."""
 
 _LAGS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Lags of the instrument that are tried: mass over drag of vehicles."""
 
-_LEAST_UPRIGHT = 0.2
-"""Cosine of tilt below which tilts beyond it count as this one."""
-
-_EDGE_S = 3.0
-"""Left out after the take-off and before the landing."""
-
-_SHORTEST_S, _FEWEST_S = 10.0, 20.0
-"""Length of a stretch, and of all of them."""
-
 LEAST_SPEED_M_S, _LEAST_CORRELATION = 0.2, 0.7
 """Motion in the band, rms, and its correlation with the instrument."""
 
-_LOAD_HZ = 2.0 * HIGH_HZ
-"""Faster load is vibration: with motion up to the end of the band, it makes none in the band."""
+_FEWEST_S = 20.0
+"""Length of all stretches."""
 
 _WORST = 0.25
 """Standard deviation over drag from which there is none."""
@@ -283,7 +266,7 @@ def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
         As :func:`tilt_drag`.
     """
     name = logs[0][0].source.name
-    by_log = [_stretches(record, intervals) for record, intervals in logs]
+    by_log = [stretches_of(record, intervals) for record, intervals in logs]
     seconds = sum(stretch.seconds for log in by_log for stretch in log)
     if seconds < _FEWEST_S:
         raise InsufficientDataError(
@@ -308,7 +291,7 @@ def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
     longest = max(range(len(by_log)), key=lambda place: sum(stretch.seconds for stretch in by_log[place]))
     north, east = _wind_quantities(by_log[longest], winds[longest], solved, parts)
     record = logs[longest][0]
-    channel = _velocities(record)[0]
+    channel = velocities_of(record)[0]
     source = next(record.holding(channel))
     return TiltDrag(
         drag=drag,
@@ -350,184 +333,7 @@ def _quantity(value: float, std: float, unit: str) -> Quantity:
     return Quantity.normal(float(value), float(std), unit)
 
 
-@dataclass(frozen=True)
-class _Stretch:
-    """Columns of a stretch of flight, each of shape ``(2, n)``: forward and right.
-
-    ``braking`` is the specific force with its sign changed, ``pushed`` the acceleration by the tilt, north and east,
-    that becomes the instrument behind ``lag_s``, ``lever`` what an accelerometer 1 m below the center of gravity adds
-    to ``braking``, ``north`` and ``east`` these directions in body axes. ``faster`` is the rotor speed over that at one
-    g, shape ``(n,)``.
-    """
-
-    rate_hz: float
-    braking: FloatArray
-    velocity: FloatArray
-    pushed: FloatArray
-    lever: FloatArray
-    north: FloatArray
-    east: FloatArray
-    faster: FloatArray
-    heading_known: bool
-    lag_s: float = _LAGS_S[0]
-
-    @cached_property
-    def tilt(self) -> FloatArray:
-        """The instrument, shape ``(2, n)``."""
-        return self.behind(self.lag_s)
-
-    def behind(self, lag_s: float) -> FloatArray:
-        """Acceleration by the tilt behind a lag, in body axes, from rest at the first sample, shape ``(2, n)``."""
-        from scipy.signal import lfilter
-
-        keep = math.exp(-1.0 / (self.rate_hz * lag_s))
-        lagged, _ = lfilter([1.0 - keep], [1.0, -keep], self.pushed, axis=-1, zi=keep * self.pushed[:, :1])
-        return np.asarray(lagged[0] * self.north + lagged[1] * self.east)
-
-    @property
-    def seconds(self) -> float:
-        """Length."""
-        return float(self.braking.shape[1] / self.rate_hz)
-
-    def in_band(self, values: FloatArray, band_hz: tuple[float, float] | None = None) -> FloatArray:
-        """Cosine coefficients in the band of columns, shape ``(..., n)``; their squares add up to integrals over time.
-
-        The cosines of a stretch are orthogonal, so that leaving some out is a projection, without transients.
-        """
-        from scipy.fft import dct
-
-        return np.asarray(
-            dct(values, norm="ortho", axis=-1)[..., self._kept(values, band_hz)] / math.sqrt(self.rate_hz)
-        )
-
-    def only_band(self, values: FloatArray) -> FloatArray:
-        """The part of columns of shape ``(..., n)`` that is in the band."""
-        from scipy.fft import dct, idct
-
-        return np.asarray(idct(dct(values, norm="ortho", axis=-1) * self._kept(values), norm="ortho", axis=-1))
-
-    def _kept(self, values: FloatArray, band_hz: tuple[float, float] | None = None) -> BoolArray:
-        return _inside(values.shape[-1], self.rate_hz, *(band_hz or (LOW_HZ, HIGH_HZ)))
-
-    def part(self, low_hz: float, high_hz: float) -> FloatArray:
-        """As ``linear`` in another band, shape ``(4, 2, k)``."""
-        rows = np.stack([self.braking, self.faster * self.velocity, self.lever, self.faster * self.tilt])
-        return self.in_band(rows, (low_hz, high_hz))
-
-    def thinned(self, values: FloatArray) -> FloatArray:
-        """Five samples of the fastest motion in the band."""
-        return np.asarray(values[..., :: max(1, int(self.rate_hz / (5.0 * HIGH_HZ)))])
-
-    def airspeed(self, wind: FloatArray, velocity: FloatArray | None = None) -> FloatArray:
-        """Velocity through the air in body axes, shape ``(2, n)``."""
-        ground = self.velocity if velocity is None else velocity
-        return np.asarray(ground - wind[0] * self.north - wind[1] * self.east)
-
-    @cached_property
-    def linear(self) -> FloatArray:
-        """Braking, velocity times rotor speed, lever and tilt times rotor speed in the band, shape ``(4, 2, k)``."""
-        return self.part(LOW_HZ, HIGH_HZ)
-
-
-def _inside(size: int, rate_hz: float, low_hz: float, high_hz: float) -> BoolArray:
-    """Which cosines of so many samples are in a band."""
-    frequency_hz = 0.5 * rate_hz * np.arange(size) / size
-    return np.asarray((frequency_hz >= low_hz) & (frequency_hz <= high_hz))
-
-
-def _velocities(record: FlightRecord) -> tuple[str, ...]:
-    """Channels of the horizontal velocity: in body axes, or over the earth."""
-    names = record.channel_names
-    if "u" in names and "v" in names and not {"velocity_north", "velocity_east", "psi"} <= set(names):
-        return ("u", "v")
-    return ("velocity_north", "velocity_east")
-
-
-def _stretches(record: FlightRecord, intervals: Intervals) -> list[_Stretch]:
-    """Stretches of 10 s and more of the flights, without their ends."""
-    if why := dead_accelerometer(record):
-        raise InsufficientDataError(why, needed="an accelerometer, to measure drag", remedy=CHECK_SENSORS)
-    names = record.channel_names
-    velocities = _velocities(record)
-    wanted = ["ax", "ay", "phi", "theta", *velocities]
-    if velocities[0] != "u":
-        wanted.append("psi")
-    missing = [name for name in wanted if name not in names]
-    if missing:
-        raise InsufficientDataError(
-            f"{record.source.name} lacks {missing[0]}",
-            needed="specific force, attitude and velocity, to measure drag",
-            remedy="log accelerometers, attitude and an estimated velocity",
-        )
-    wanted += [name for name in ("psi", "velocity_down", "az") if name in names and name not in wanted]
-    inner = tuple(
-        (start_s + _EDGE_S, stop_s - _EDGE_S)
-        for start_s, stop_s in intervals
-        if stop_s - start_s > _SHORTEST_S + 2.0 * _EDGE_S
-    )
-    if not inner:
-        return []
-    histories = flown(record).histories(wanted, intervals=inner)
-    return [_stretch(history) for history in histories if history.duration_s >= _SHORTEST_S]
-
-
-def _stretch(history: TimeHistory) -> _Stretch:
-    size, rate_hz = history.values.shape[1], history.sample_rate_hz
-    one, zero = np.ones(size), np.zeros(size)
-    known = "psi" in history.names
-    if not known:
-        psi = replace(history.channels[0], name="psi", unit="rad", source="")
-        history = replace(history, values=np.vstack([history.values, zero]), channels=(*history.channels, psi))
-    if "u" in history.names:
-        velocity = np.stack([history["u"], history["v"]])
-    else:
-        down = history["velocity_down"] if "velocity_down" in history.names else zero
-        velocity = to_body(history, np.stack([history["velocity_north"], history["velocity_east"], down]))[:2]
-    north = to_body(history, np.stack([one, zero, zero]))[:2]
-    east = to_body(history, np.stack([zero, one, zero]))[:2]
-    p, q, r = _rates(history)
-    p_dot, q_dot = derivative(np.stack([p, q]), rate_hz)
-    return _Stretch(
-        rate_hz=rate_hz,
-        braking=-np.stack([history["ax"], history["ay"]]),
-        velocity=velocity,
-        pushed=_acceleration(history),
-        lever=-np.stack([q_dot + p * r, q * r - p_dot]),
-        north=north,
-        east=east,
-        faster=_rotor_speed(history),
-        heading_known=known,
-    )
-
-
-def _rotor_speed(history: TimeHistory) -> FloatArray:
-    """Rotor speed over that at one g, shape ``(n,)``: one where the load is not logged, zero where nothing lifts."""
-    from scipy.fft import dct, idct
-
-    size = history.values.shape[1]
-    if "az" not in history.names:
-        return np.ones(size)
-    kept = _inside(size, history.sample_rate_hz, 0.0, _LOAD_HZ)
-    load = idct(dct(-history["az"] / STANDARD_GRAVITY_M_S2, norm="ortho") * kept, norm="ortho")
-    return np.asarray(np.sqrt(np.maximum(load, 0.0)))
-
-
-def _acceleration(history: TimeHistory) -> FloatArray:
-    """North and east acceleration of thrust that carries the weight, by the tilt, shape ``(2, n)``."""
-    attitude = np.stack([history[name] for name in ATTITUDE])
-    zero = np.zeros(attitude.shape[1])
-    *axis, upright = body_to_earth(attitude, np.stack([zero, zero, zero + 1.0]))
-    return np.asarray(-STANDARD_GRAVITY_M_S2 * np.stack(axis) / np.maximum(upright, _LEAST_UPRIGHT))
-
-
-def _rates(history: TimeHistory) -> FloatArray:
-    """Body rates from the attitude, which is logged as fast as the instrument needs."""
-    # Unwrapped, a heading that passes south is no jump.
-    angles = np.unwrap(np.stack([history[name] for name in ATTITUDE]), axis=-1)
-    return rates_from_attitude(angles, derivative(angles, history.sample_rate_hz))
-
-
-def _with_best_lag(by_log: Sequence[Sequence[_Stretch]]) -> list[list[_Stretch]]:
+def _with_best_lag(by_log: Sequence[Sequence[Stretch]]) -> list[list[Stretch]]:
     """The stretches with the lag behind which the tilt follows the velocity best."""
     velocity = np.concatenate([stretch.in_band(stretch.velocity).ravel() for log in by_log for stretch in log])
 
@@ -596,7 +402,7 @@ class _Solved:
     weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, by_log: Sequence[Sequence[_Stretch]]) -> _Solved:
+    def of(cls, by_log: Sequence[Sequence[Stretch]]) -> _Solved:
         weights = [1.0] * len(by_log)
         # Second, each log by the noise that the first fit left of it.
         for _ in range(1 if len(by_log) == 1 else 2):
@@ -643,7 +449,7 @@ def _beyond_chance(difference: float, variance: float) -> float:
     return math.sqrt(max(float(difference) ** 2 - variance, 0.0))
 
 
-def _lagging(by_log: Sequence[Sequence[_Stretch]], factor: float) -> list[list[_Stretch]]:
+def _lagging(by_log: Sequence[Sequence[Stretch]], factor: float) -> list[list[Stretch]]:
     """The stretches with another lag of the instrument."""
     return [[replace(stretch, lag_s=factor * stretch.lag_s) for stretch in log] for log in by_log]
 
@@ -654,7 +460,7 @@ def _left(linear: FloatArray, found: FloatArray) -> FloatArray:
 
 
 def _together(
-    by_log: Sequence[Sequence[_Stretch]], weights: Sequence[float], band_hz: tuple[float, float] | None = None
+    by_log: Sequence[Sequence[Stretch]], weights: Sequence[float], band_hz: tuple[float, float] | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Braking, columns and instruments of all logs, each by its weight."""
     rows = [
@@ -692,7 +498,7 @@ class _Wind:
         return self.value[:2]
 
 
-def _wind(log: Sequence[_Stretch], at_rest: float, square: float) -> _Wind:
+def _wind(log: Sequence[Stretch], at_rest: float, square: float) -> _Wind:
     """Wind by what braking leaves at all frequencies, with the bias as a number that is known to 0.2 m/s²."""
     found, known = np.zeros(4), np.diag([0.0, 0.0, ALONG_BODY_BIAS_M_S2**-2, ALONG_BODY_BIAS_M_S2**-2])
     seconds = sum(stretch.seconds for stretch in log)
@@ -721,7 +527,7 @@ def _wind(log: Sequence[_Stretch], at_rest: float, square: float) -> _Wind:
 
 
 def _wind_columns(
-    log: Sequence[_Stretch], found: FloatArray, at_rest: float, square: float
+    log: Sequence[Stretch], found: FloatArray, at_rest: float, square: float
 ) -> tuple[FloatArray, FloatArray]:
     """What braking leaves, and its slopes by wind and bias, shapes ``(2, n)`` and ``(4, 2, n)``."""
     left, slopes = [], []
@@ -750,7 +556,7 @@ class _Parts:
         return self.quadratic.lower > 0.0
 
 
-def _with_square(by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: Sequence[FloatArray]) -> _Parts | None:
+def _with_square(by_log: Sequence[Sequence[Stretch]], solved: _Solved, winds: Sequence[FloatArray]) -> _Parts | None:
     """Drag at rest and by the square of the airspeed along each axis; ``None`` where the airspeed varies too little."""
     speeds = np.concatenate(
         [np.abs(s.airspeed(wind)).ravel() for log, wind in zip(by_log, winds, strict=True) for s in log]
@@ -780,7 +586,7 @@ def _with_square(by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: S
 
 
 def _square_fit(
-    by_log: Sequence[Sequence[_Stretch]], solved: _Solved, winds: Sequence[FloatArray]
+    by_log: Sequence[Sequence[Stretch]], solved: _Solved, winds: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Drag at rest, by the square, height, and what each coefficient moves them by, at some winds."""
     braking, columns, instruments = [], [], []
@@ -800,7 +606,7 @@ def _square_fit(
 
 
 def _wind_quantities(
-    log: Sequence[_Stretch], wind: _Wind, solved: _Solved, parts: _Parts | None
+    log: Sequence[Stretch], wind: _Wind, solved: _Solved, parts: _Parts | None
 ) -> tuple[Quantity | None, Quantity | None]:
     """Wind to north and east with the errors of what is left, of the bias, and of the drag."""
     if not all(stretch.heading_known for stretch in log):
@@ -820,7 +626,7 @@ def _wind_quantities(
     return north, east
 
 
-def _airspeeds(by_log: Sequence[Sequence[_Stretch]], winds: Sequence[FloatArray]) -> tuple[float, float]:
+def _airspeeds(by_log: Sequence[Sequence[Stretch]], winds: Sequence[FloatArray]) -> tuple[float, float]:
     """5 and 95 % quantiles of the horizontal airspeed."""
     speeds = np.concatenate([np.hypot(*s.airspeed(wind)) for log, wind in zip(by_log, winds, strict=True) for s in log])
     slow, fast = np.percentile(speeds, [5, 95]).tolist()
