@@ -30,8 +30,8 @@ that the induced velocity grows from front to rear by :math:`v_{ind} \tan(\chi /
 body is no disc: two quadrotors tilt back 1.3 to 1.8 times as much in forward flight as sideways, by :math:`m_{fx}`.
 
 The center of gravity is off by c from where the layout has it. Where drag acts above it (:math:`z_{cg} > 0`), drag
-tilts the vehicle back too: by speed, while the gradient of a skewed wake stops growing beyond the induced velocity. A
-flight through both speeds tells them apart.
+tilts the vehicle back too: by speed, while the gradient of a skewed wake stops growing beyond the induced velocity.
+Flight at both speeds separates them.
 
 Axes are front, right, down; thrust :math:`T_i` is upward, and :math:`s_i` is +1 where a rotor turns the nose right.
 Every force is linear in its coefficient once the inflow is known, and the inflow needs only a thrust that is about

@@ -6,6 +6,7 @@ model misses by a fifth, and fast flight of which the log shows neither velocity
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Iterator
 from dataclasses import replace
@@ -90,11 +91,26 @@ def coefficient_of(drag: Quantity, fit: FlightFit) -> Quantity:
 
 
 def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:
-    fit = _bounded(data, choices)
-    if _rises(data, fit):
-        return fit
-    # Thrust that falls with the output is no curve of a rotor: of a flight whose thrust hardly moved.
-    return _bounded(data, replace(choices, terms=tuple(name for name in FLIGHT_PARAMETERS if name != "c_1")))
+    """The fit with a curve of outputs, or with a square where that curve is none of a rotor.
+
+    Thrust that falls with the output, or is none at full output, is of a flight whose thrust hardly moved.
+    """
+    with contextlib.suppress(ModelError):
+        fit = _bounded(data, choices)
+        if _rises(data, fit):
+            return fit
+    square = replace(choices, terms=tuple(name for name in FLIGHT_PARAMETERS if name != "c_1"))
+    try:
+        return _bounded(data, square)
+    except ModelError as error:
+        # Rotors that cannot carry the weight.
+        message = f"The motors do not explain the force of the flight: {error.came}."
+        raise InsufficientDataError(
+            error.came,
+            needed="motors that explain the measured specific force",
+            remedy="check the mass, the layout and the time stamps of the motors",
+            findings=[refusal("impossible_physics", "thrust", message), *data.findings],
+        ) from error
 
 
 def _rises(data: FlightMotion, fit: FlightFit) -> bool:
@@ -108,18 +124,7 @@ def _rises(data: FlightMotion, fit: FlightFit) -> bool:
 
 
 def _bounded(data: FlightMotion, choices: FlightChoices) -> FlightFit:
-    try:
-        fit = fit_flight(data.records, data.given.airframe, choices)
-        return with_errors(fit, data.records, choices)
-    except ModelError as error:
-        # Rotors that cannot carry the weight.
-        message = f"The motors do not explain the force of the flight: {error.came}."
-        raise InsufficientDataError(
-            error.came,
-            needed="motors that explain the measured specific force",
-            remedy="check the mass, the layout and the time stamps of the motors",
-            findings=[refusal("impossible_physics", "thrust", message), *data.findings],
-        ) from error
+    return with_errors(fit_flight(data.records, data.given.airframe, choices), data.records, choices)
 
 
 def _require_motion(data: FlightMotion) -> None:
