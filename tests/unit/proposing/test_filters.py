@@ -186,6 +186,7 @@ def motors(c_1: float, c_2: float, *, std: float, outputs: str = "output") -> Si
     names = ("c_1", "c_2")
     covariance = std**2 * np.array([[0.25, -0.24], [-0.24, 0.25]])
     return SimpleNamespace(
+        flight=None,
         motors=physics,
         parameters={"c_1": SimpleNamespace(value=c_1), "c_2": SimpleNamespace(value=c_2)},
         bounds=SimpleNamespace(names=names, covariance=covariance),
