@@ -101,7 +101,7 @@ def test_a_pipe_sees_how_far_long_work_is(
         for _ in range(1000):
             threading.Event().wait(0.01)
             seen += capfd.readouterr().err
-            if "runs: 1 of 4" in seen:
+            if "(25 % done)\n" in seen:
                 break
     assert "rotorid: 12 s: runs: 1 of 4, about 36 s left (25 % done)\n" in seen
     assert not PIPELINE.handlers
