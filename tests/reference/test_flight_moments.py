@@ -14,54 +14,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.reference.neurobem import FRAME, neurobem_flights
 
-import rotorid
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.fitting.flight.moment import moment_error
 from rotorid.fitting.flight.motion import motion
-from rotorid.models.flight import Airframe
 from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
 
 pytestmark = pytest.mark.slow
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-FLIGHTS = {"d": "20210218171908seg2", "g": "20210223104803seg2", "h": "20210223114138seg3"}
 INERTIA = np.array([2.52e-3, 2.14e-3, 4.36e-3])
 """As published, kg m²."""
 
-FRAME = Airframe(
-    positions=np.array([[-0.075, 0.1, 0.0], [0.075, 0.1, 0.0], [-0.075, -0.1, 0.0], [0.075, -0.1, 0.0]]),
-    spins=np.array([-1.0, 1.0, 1.0, -1.0]),
-    mass_kg=0.752,
-    disc_m2=np.pi * 0.0646**2,
-)
 PLAIN = FlightChoices(terms=("m_f", "m_fx"), predictor=True)
 
 
 @pytest.fixture(scope="module")
 def records(unpacked: Callable[[str], Path]) -> dict[str, MotorRecord]:
-    return {key: _record(unpacked(f"flight/neurobem_{name}.mat.xz"), key) for key, name in FLIGHTS.items()}
-
-
-def _record(path: Path, name: str) -> MotorRecord:
-    log = rotorid.read(path, mapping=DOCS / "mappings" / "neurobem.toml", sandbox=False)
-
-    def rows(names: str) -> np.ndarray:
-        return np.stack([log[channel].values for channel in names.split()])
-
-    force = rows("ax ay az")
-    return MotorRecord(
-        name=name,
-        sample_rate_hz=400.0,
-        outputs=rows("motor_speed_1 motor_speed_2 motor_speed_3 motor_speed_4"),
-        rates=rows("p q r"),
-        az=force[2],
-        force=force,
-        velocity=rows("u v w"),
-        attitude=rows("phi theta psi"),
-        between="lines",
-    )
+    return neurobem_flights(unpacked)
 
 
 def others(records: Mapping[str, MotorRecord], key: str) -> list[MotorRecord]:

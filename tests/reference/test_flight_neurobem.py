@@ -13,23 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.reference.neurobem import FLIGHTS, FRAME, neurobem_flights
 
-import rotorid
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import predicted_force
 from rotorid.fitting.flight.ladder import ForceChoices, ForceFit, fit_force
 from rotorid.fitting.flight.motion import VelocityClass, motion
 from rotorid.frames import earth_to_body
-from rotorid.models.flight import Airframe
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-FLIGHTS = {"d": "20210218171908seg2", "g": "20210223104803seg2", "h": "20210223114138seg3"}
-FRAME = Airframe(
-    positions=np.array([[-0.075, 0.1, 0.0], [0.075, 0.1, 0.0], [-0.075, -0.1, 0.0], [0.075, -0.1, 0.0]]),
-    spins=np.array([1.0, -1.0, -1.0, 1.0]),
-    mass_kg=0.752,
-    disc_m2=np.pi * 0.0646**2,
-)
 SENSOR_HZ = 9.0
 MOMENT_NUMBERS = 5
 """Inertia of three axes, one of kappa and the inertia of a rotor, and one moment of the air."""
@@ -41,27 +32,7 @@ ROTOR_DRAG = 4.0e-5
 
 @pytest.fixture(scope="module")
 def records(unpacked: Callable[[str], Path]) -> dict[str, MotorRecord]:
-    return {key: _record(unpacked(f"flight/neurobem_{name}.mat.xz"), key) for key, name in FLIGHTS.items()}
-
-
-def _record(path: Path, name: str) -> MotorRecord:
-    log = rotorid.read(path, mapping=DOCS / "mappings" / "neurobem.toml", sandbox=False)
-
-    def rows(names: str) -> np.ndarray:
-        return np.stack([log[channel].values for channel in names.split()])
-
-    force = rows("ax ay az")
-    return MotorRecord(
-        name=name,
-        sample_rate_hz=400.0,
-        outputs=rows("motor_speed_1 motor_speed_2 motor_speed_3 motor_speed_4"),
-        rates=rows("p q r"),
-        az=force[2],
-        force=force,
-        velocity=rows("u v w"),
-        attitude=rows("phi theta psi"),
-        between="lines",
-    )
+    return neurobem_flights(unpacked)
 
 
 def fitted(*flights: MotorRecord, kind: VelocityClass = "measured") -> ForceFit:
