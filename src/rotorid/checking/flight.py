@@ -18,22 +18,22 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from rotorid.checking.predictions import (
-    NOTHING_FITTED,
-    Predictions,
-    Simulation,
-    Trial,
-    fixed_score,
-    plain_scores,
-    predict_each,
-    refuse_choices_of_responses,
+from rotorid.checking.predictions import Simulation
+from rotorid.checking.rotors import (
+    Checked,
+    RotorPredictor,
+    consistent,
+    judged_scores,
+    known_layout,
+    known_parameters,
+    place_of,
+    poor_predictions,
 )
 from rotorid.data.axes import ATTITUDE, AXIS_WORDS, RATES
-from rotorid.data.base import Immutable
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver, MotorRecord
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.fitting.flight.fit import FlightChoices, FlightRange
 from rotorid.fitting.flight.ladder import wind_of
 from rotorid.fitting.flight.moment import center_of, turned_axes
@@ -41,22 +41,14 @@ from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, rotor_s
 from rotorid.fitting.motors.excitation import SLOW_BAND_HZ, in_band
 from rotorid.flights.flight_data import FlightMotion, flight_data
 from rotorid.flights.flight_faults import wind_or_bias
-from rotorid.flights.flights import Flight
-from rotorid.flights.motor_data import MotorFlight, rotors_of
-from rotorid.flights.selection import Selection, require_reached
+from rotorid.flights.motor_data import MotorFlight
 from rotorid.frames import euler_from_quaternion
 from rotorid.models.families import FLIGHT
 from rotorid.models.flight import Airframe
-from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rotors import RotorLayout
-from rotorid.results.model import IdentifiedModel, Verifications
+from rotorid.results.model import IdentifiedModel
 from rotorid.settings.flying import FlySettings
-from rotorid.settings.identifying import IdentifySettings
-from rotorid.settings.motors import MotorSettings
-from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES
 from rotorid.typing import FloatArray
-from rotorid.verification.fixed_parameters import FixedParameterScores
 from rotorid.verification.flight import (
     USUAL_OUTSIDE_PERCENT,
     FlightJudgement,
@@ -77,7 +69,6 @@ from rotorid.verification.multistep import (
     stride,
     to_body,
 )
-from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Scores, Verification
 
 _AHEAD_S = 0.5
@@ -107,19 +98,13 @@ class _Stretch(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlightPredictor(Immutable):
+class FlightPredictor(RotorPredictor):
     """A vehicle with its air, for predictions of a flight.
 
     Parameters
     ----------
-    parameters
-        Their values count.
     airframe
         Rotors, mass, discs and air.
-    layout
-        The rotors by their name.
-    kind
-        What the motors are known by: ``output``, ``thrust_demand`` or ``speed``.
     velocity
         How the velocity was had in the fit.
     tested
@@ -130,64 +115,30 @@ class FlightPredictor(Immutable):
         Whether the fit gave each flight a wind of its own. Then any wind of a log is taken out, else one that is clear.
     cutoff_hz
         Of the low-pass that stands for an unknown filter of the accelerometer.
-    scaled
-        Whether the mass is known; without it there are no newtons.
-    reference_v
-        Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
-    choices
-        How the fitted logs were read; ``None`` where that is not known.
     """
 
-    about_trim: ClassVar[bool] = False
+    model: ClassVar[str] = FLIGHT.name
     needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and ten seconds in the air"
 
-    parameters: ParameterSet
     airframe: Airframe
-    layout: RotorLayout
-    kind: str
     velocity: VelocityClass
     tested: FlightRange | None = None
     bands_hz: Mapping[str, tuple[float, float]]
     windy: bool = False
     cutoff_hz: float | None = None
     scaled: bool = True
-    reference_v: float | None = None
-    choices: MotorSettings | None = None
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the motors."""
-        return tuple(f"motor_{number + 1}" for number in range(self.layout.rotors))
-
-    def predict(
-        self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
-    ) -> Predictions:
-        """Force and moment of each log, see :class:`rotorid.checking.predictions.Predictor`."""
-        refuse_choices_of_responses(FLIGHT.name, settings)
-
-        def predict(record: FlightRecord) -> Predictions:
-            data = self.data(record, settings.segments)
-            stretches = self._stretches(data)
-            checks = [self._verification(stretch) for stretch in stretches]
-            said = [found for pair in zip(stretches, checks, strict=True) for found in _remarks(*pair)]
-            said += [found for stretch in stretches for found in self._velocity_remarks(stretch.flight)]
-            return Predictions(
-                found=Verifications(maneuvers=tuple(checks), findings=(*data.findings, *said)),
-                flights=tuple(Flight(record, stretch.flight.maneuver) for stretch in stretches),
-            )
-
-        return predict_each(records, settings, fitted, predict)
-
-    def trials(self, record: FlightRecord, settings: IdentifySettings) -> list[Trial]:
-        """Stretches in the air; their scores know neither horizon nor band."""
-        require_reached(record, settings.segments)
-        return [
-            Trial(
-                Flight(record, replace(stretch.flight.maneuver, start_s=stretch.flight.record.start_s)),
-                fixed_score(_compared(self._verification(stretch))),
-            )
-            for stretch in self._stretches(self.data(record, settings.segments))
-        ]
+    def check(self, record: FlightRecord, segments: Sequence[Maneuver]) -> Checked:
+        """Force and moment of each stretch, with what it lacks and where it leaves the identified range."""
+        data = self.data(record, segments)
+        stretches = self._stretches(data)
+        checks = [self._verification(stretch) for stretch in stretches]
+        findings = [*data.findings]
+        for stretch, check in zip(stretches, checks, strict=True):
+            findings += _remarks(stretch, check)
+        for stretch in stretches:
+            findings += self._velocity_remarks(stretch.flight)
+        return Checked([(stretch.flight, check) for stretch, check in zip(stretches, checks, strict=True)], findings)
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
         """Attitude, velocity and rates by the motors alone, begun anew at the measured state every half second."""
@@ -203,36 +154,8 @@ class FlightPredictor(Immutable):
         return simulated, [*said, remark("flown_in_pieces", FLIGHT.name, message, length_s=length_s)]
 
     def data(self, record: FlightRecord, segments: Sequence[Maneuver]) -> FlightMotion:
-        """A log as for a fit.
-
-        Raises
-        ------
-        InsufficientDataError
-            It has no motors or no motion, is of another vehicle, or has motors of another kind.
-        """
-        choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
-        needed, name = "a log of the identified vehicle", record.source.name
-        try:
-            of_log = rotors_of([record], choices)
-        except (InsufficientDataError, UsageError, ModelError):
-            # A result names its rotors; next to the logs of a fit, a log has to name its own.
-            if self.choices is not None:
-                raise
-            of_log = self.layout
-        if not np.array_equal(of_log.spins, self.layout.spins):
-            raise InsufficientDataError(
-                f"{name} is from {of_log.name}, but the result from {self.layout.name}", needed=needed
-            )
-        try:
-            data = flight_data([record], choices, reference_v=self.reference_v, layout=self.layout)
-        except UsageError as error:
-            raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
-        if data.kind != self.kind:
-            raise InsufficientDataError(
-                f"{name} logs motors as {data.kind.replace('_', ' ')}",
-                needed=f"a log of motors as {self.kind.replace('_', ' ')}, like those of the result",
-            )
-        return data
+        """A log as for a fit, see :meth:`rotorid.checking.rotors.RotorPredictor.read`."""
+        return self.read(flight_data, record, segments)
 
     def _stretches(self, data: FlightMotion) -> list[_Stretch]:
         pairs = zip(data.motors.stretches, data.skews_s, strict=True)
@@ -279,7 +202,7 @@ class FlightPredictor(Immutable):
         kind = self._velocity(flight.record)
         if kind == self.velocity:
             return []
-        where = _where(flight)
+        where = place_of(flight)
         if kind == "attitude":
             message = f"{where} has no velocity: it was integrated from attitude and accelerometer."
             return [remark("velocity_from_attitude", where, message)]
@@ -429,23 +352,9 @@ def _outputs(states: FlightState) -> FloatArray:
     return np.concatenate([angles, to_body(states.attitude, states.velocity), states.rates])
 
 
-def _compared(check: Verification) -> FixedParameterScores:
-    """A verification for a comparison: the channels that moved, about their means."""
-    rows = [check.output_names.index(name) for name in check.moved]
-    mean = check.measured[rows].mean(axis=1, keepdims=True)
-    return FixedParameterScores(
-        record=check.record,
-        horizon_s=float("inf"),
-        scores=plain_scores({name: check.scores[name] for name in check.moved}),
-        time_s=check.time_s - check.time_s[0],
-        measured=check.measured[rows] - mean,
-        predicted=check.predicted[rows] - mean,
-    )
-
-
 def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
     """Findings on a stretch: it leaves the identified range, or an axis is predicted poorly."""
-    where = _where(stretch.flight)
+    where = place_of(stretch.flight)
     judged = check.flight
     beyond = _beyond(stretch.flight, (judged.outside_percent, dict(judged.outside))) if judged else []
     headings = stretch.flight.record.attitude[2] if stretch.wind is not None else None
@@ -453,17 +362,7 @@ def _remarks(stretch: _Stretch, check: Verification) -> list[Finding]:
         *beyond,
         *(wind_or_bias(float(np.ptp(np.unwrap(headings))), where) if headings is not None else ()),
         *_unjudged(where, check),
-        *(
-            warn(
-                "poor_verification",
-                f"{where}: {name}",
-                f"{name} of {where} is predicted with a Theil coefficient of {check.scores[name].tic:.2f}.",
-                tic=check.scores[name].tic,
-                nrmse_fit_percent=check.scores[name].nrmse_fit_percent,
-            )
-            for name in check.moved
-            if check.scores[name].tic > GOOD_TIC
-        ),
+        *poor_predictions(where, judged_scores(check)),
     ]
 
 
@@ -493,12 +392,7 @@ _RANGES = {"airspeed": "airspeed", "climb": "climb rate", "load": "load factor",
 
 def _beyond(flight: MotorFlight, outside: tuple[float | None, dict[str, float]]) -> list[Finding]:
     share, each = outside
-    return [] if share is None else range_findings(_where(flight), share, each)
-
-
-def _where(flight: MotorFlight) -> str:
-    """A stretch as findings name it."""
-    return f"{flight.record.name} at {flight.record.start_s:.1f} s"
+    return [] if share is None else range_findings(place_of(flight), share, each)
 
 
 def range_findings(where: str, share: float, each: Mapping[str, float]) -> list[Finding]:
@@ -538,21 +432,9 @@ def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
     UsageError
         Something of it is missing or is no number.
     """
-    try:
+    with consistent("flight"):
         motors, air = table["motors"], table["flight"]
-        layout = RotorLayout(
-            name=str(motors["layout"]),
-            positions=np.array(motors["rotors"], dtype=np.float64),
-            spins=np.array(motors["spins"], dtype=np.float64),
-            arm_known=motors["arm_m"] is not None,
-        )
-        parameters = ParameterSet(
-            [
-                Parameter(name=name, value=float(entry["value"]), unit=str(entry["unit"]), status="fixed")
-                for name, entry in table["parameters"].items()
-                if entry["status"] != "dropped"
-            ]
-        )
+        layout, parameters = known_layout(motors), known_parameters(table)
         limits = air["limits"]
         return FlightPredictor(
             parameters=parameters,
@@ -579,10 +461,6 @@ def known_flight(table: Mapping[str, Any]) -> FlightPredictor:
             scaled=motors["scale"] is not None,
             reference_v=motors.get("reference_v"),
         )
-    except (LookupError, TypeError, ValueError, ModelError) as error:
-        raise UsageError(
-            f"the flight result is inconsistent: {error}", needed="result.json as written by identify"
-        ) from error
 
 
 def _span(pair: Sequence[float]) -> tuple[float, float]:

@@ -260,6 +260,7 @@ def _judged(candidate: Candidate, logs: Sequence[UnseenLog], settings: VerifySet
             # The model or what was asked is wrong: no other log changes that.
             raise
         except Exception as failure:
+            # A log that fails, by a fault of ours too, ends no other: it is listed with its reason.
             error = reason_of(failure, f"the prediction of {listed([log.record.source.name for log in members])}")
             causes += [(log, error.came.rstrip(".")) for log in members]
     frequency: dict[str, float] = {}

@@ -15,41 +15,32 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rotorid.checking.predictions import (
-    NOTHING_FITTED,
-    Predictions,
-    Simulation,
-    Trial,
-    fixed_score,
-    plain_scores,
-    predict_each,
-    refuse_choices_of_responses,
+from rotorid.checking.predictions import Simulation
+from rotorid.checking.rotors import (
+    Checked,
+    RotorPredictor,
+    consistent,
+    known_layout,
+    known_parameters,
+    place_of,
+    poor_predictions,
 )
 from rotorid.data.axes import RATES
-from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver
-from rotorid.errors import InsufficientDataError, ModelError, UsageError
+from rotorid.errors import InsufficientDataError
 from rotorid.fits.motors.fitted import levers_of
 from rotorid.fits.motors.motion import Motion, motions, scores, simulated_record
 from rotorid.fitting.motors.excitation import excitations
 from rotorid.fitting.motors.problem import MotorProblem
-from rotorid.flights.flights import Flight
-from rotorid.flights.motor_data import MotorData, motor_data, rotors_of
-from rotorid.flights.selection import Selection, require_reached
+from rotorid.flights.motor_data import MotorData, motor_data
 from rotorid.models.families import MOTORS
 from rotorid.models.flight import INERTIA
-from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.models.rotors import RotorLayout
-from rotorid.results.model import IdentifiedModel, Verifications
+from rotorid.models.parameter import ParameterSet
+from rotorid.results.model import IdentifiedModel
 from rotorid.settings.flying import FlySettings
-from rotorid.settings.identifying import IdentifySettings
-from rotorid.settings.motors import MotorSettings
-from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
-from rotorid.verification.fixed_parameters import FixedParameterScores
 from rotorid.verification.flight import BODY, FlightJudgement, load_errors, percents
-from rotorid.verification.scores import GOOD_TIC
 from rotorid.verification.verification import Verification
 
 _AXES = ("az", "p", "q", "r")
@@ -59,75 +50,33 @@ _PIECE_S = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorPredictor(Immutable):
+class MotorPredictor(RotorPredictor):
     """Motors and rotors of a result, for predictions of a flight.
 
     Parameters
     ----------
-    parameters
-        Their values count.
-    kind
-        What the motors are known by: ``output``, ``thrust_demand`` or ``speed``.
     axes
         Equations that were identified.
-    reference_v
-        Battery voltage for which thrust is stated; ``None`` where thrust does not depend on it.
-    scaled
-        Whether the mass is known; without it there are no newtons.
     tested
         Least and largest output of the fitted flights; ``None`` where that is not known.
-    choices
-        How the fitted logs were read; ``None`` where that is not known.
     """
 
-    about_trim: ClassVar[bool] = False
+    model: ClassVar[str] = MOTORS.name
     needed: ClassVar[str] = "motors, gyros and accelerometer of the vehicle, and motion on an identified axis"
 
-    parameters: ParameterSet
-    layout: RotorLayout
-    kind: str
     axes: tuple[str, ...]
-    reference_v: float | None = None
-    scaled: bool = False
     tested: tuple[float, float] | None = None
-    choices: MotorSettings | None = None
+    scaled: bool = False
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the motors."""
-        return tuple(f"motor_{number + 1}" for number in range(self.layout.rotors))
-
-    def predict(
-        self, records: Sequence[FlightRecord], settings: VerifySettings, fitted: Selection = NOTHING_FITTED
-    ) -> Predictions:
-        """Accelerations of each log, see :class:`rotorid.checking.predictions.Predictor`."""
-        refuse_choices_of_responses(MOTORS.name, settings)
-
-        def predict(record: FlightRecord) -> Predictions:
-            data = self.data(record, settings.segments)
-            moved = self.motions(data, self.parameters)
-            return Predictions(
-                found=Verifications(
-                    maneuvers=tuple(self._verification(motion) for motion in moved if motion.counted),
-                    findings=(*data.findings, *(finding for motion in moved for finding in _remarks(motion))),
-                ),
-                flights=tuple(Flight(record, motion.flight.maneuver) for motion in moved if motion.counted),
-            )
-
-        return predict_each(records, settings, fitted, predict)
-
-    def trials(self, record: FlightRecord, settings: IdentifySettings) -> list[Trial]:
-        """Stretches that move an axis; their scores know neither horizon nor band."""
-        require_reached(record, settings.segments)
-        moved = self.motions(self.data(record, settings.segments), self.parameters)
-        return [
-            Trial(
-                Flight(record, replace(motion.flight.maneuver, start_s=motion.flight.record.start_s)),
-                fixed_score(_compared(motion)),
-            )
-            for motion in moved
-            if motion.counted
-        ]
+    def check(self, record: FlightRecord, segments: Sequence[Maneuver]) -> Checked:
+        """Accelerations of the stretches that move an identified axis; remarks on the others."""
+        data = self.data(record, segments)
+        moved = self.motions(data, self.parameters)
+        remarks = [finding for motion in moved for finding in _remarks(motion)]
+        return Checked(
+            [(motion.flight, self._verification(motion)) for motion in moved if motion.counted],
+            [*data.findings, *remarks],
+        )
 
     def simulations(self, record: FlightRecord, settings: FlySettings) -> tuple[list[Simulation], list[Finding]]:
         """Rates as integrals of the angular accelerations that the motors make, each piece at its measured mean."""
@@ -169,39 +118,8 @@ class MotorPredictor(Immutable):
         return stretches, [*data.findings, *remarks, remark("flown_in_pieces", MOTORS.name, message, length_s=length_s)]
 
     def data(self, record: FlightRecord, segments: Sequence[Maneuver]) -> MotorData:
-        """A log as for a fit.
-
-        Raises
-        ------
-        InsufficientDataError
-            It has no motor outputs or no motion, is of another vehicle, or has outputs of another kind.
-        """
-        choices = replace(self.choices or MotorSettings(), segments=tuple(segments))
-        needed, name = "a log of the identified vehicle", record.source.name
-        try:
-            of_log = rotors_of([record], choices)
-        except (InsufficientDataError, UsageError, ModelError):
-            # A result names its rotors; next to the logs of a fit, a log has to name its own.
-            if self.choices is not None:
-                raise
-            of_log = self.layout
-        if not np.array_equal(of_log.spins, self.layout.spins):
-            raise InsufficientDataError(
-                f"{name} is from {of_log.name}, but the result from {self.layout.name}", needed=needed
-            )
-        # An arm that was given is not in the log.
-        if self.choices is not None and not np.allclose(of_log.positions, self.layout.positions):
-            raise InsufficientDataError(f"the rotor positions of {name} differ from those of the result", needed=needed)
-        try:
-            data = motor_data([record], choices, reference_v=self.reference_v, layout=self.layout)
-        except UsageError as error:
-            raise InsufficientDataError(error.came, needed=error.needed, remedy=error.remedy) from error
-        if data.kind != self.kind:
-            raise InsufficientDataError(
-                f"{name} logs motors as {data.kind.replace('_', ' ')}",
-                needed=f"a log of motors as {self.kind.replace('_', ' ')}, like those of the result",
-            )
-        return data
+        """A log as for a fit, see :meth:`rotorid.checking.rotors.RotorPredictor.read`."""
+        return self.read(motor_data, record, segments)
 
     def _verification(self, moved: Motion) -> Verification:
         return replace(_verification(moved, self.inputs), flight=self._judged(moved))
@@ -251,33 +169,18 @@ def known_motors(table: Mapping[str, Any]) -> MotorPredictor:
     UsageError
         Something of it is missing or is no number.
     """
-    try:
+    with consistent("motor"):
         motors = table["motors"]
-        rotors = np.array(motors["rotors"], dtype=np.float64)
         counted = {axis for excitation in motors["excitation"] for axis in excitation["counted"]}
-        parameters = [
-            Parameter(name=name, value=float(entry["value"]), unit=str(entry["unit"]), status="fixed")
-            for name, entry in table["parameters"].items()
-            if entry["status"] != "dropped"
-        ]
         return MotorPredictor(
-            parameters=ParameterSet(parameters),
-            layout=RotorLayout(
-                name=str(motors["layout"]),
-                positions=rotors,
-                spins=np.array(motors["spins"], dtype=np.float64),
-                arm_known=motors["arm_m"] is not None,
-            ),
+            parameters=known_parameters(table),
+            layout=known_layout(motors),
             kind=str(motors["outputs"]),
             axes=(*(() if "az" in counted else ("weight",)), *(axis for axis in _AXES if axis in counted)),
             reference_v=motors.get("reference_v"),
             scaled=motors.get("scale") is not None,
             tested=tuple(motors["flown_outputs"]) if motors.get("flown_outputs") else None,
         )
-    except (LookupError, TypeError, ValueError, ModelError) as error:
-        raise UsageError(
-            f"the motor result is inconsistent: {error}", needed="result.json as written by identify"
-        ) from error
 
 
 def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
@@ -290,21 +193,11 @@ def identified_motors(model: IdentifiedModel) -> MotorPredictor | None:
 
 def _remarks(motion: Motion) -> list[Finding]:
     """Findings on a stretch: no identified axis moves, or the prediction is poor."""
-    where = f"{motion.flight.record.name} at {motion.flight.record.start_s:.1f} s"
+    where = place_of(motion.flight)
     if not motion.counted:
         message = f"{where} moves no identified axis, so it does not test the model."
         return [warn("not_verified", where, message)]
-    return [
-        warn(
-            "poor_verification",
-            f"{where}: {name}",
-            f"{name} of {where} is predicted with a Theil coefficient of {score.tic:.2f}.",
-            tic=score.tic,
-            nrmse_fit_percent=score.nrmse_fit_percent,
-        )
-        for name, score in scores(motion).items()
-        if score.tic > GOOD_TIC
-    ]
+    return poor_predictions(where, scores(motion))
 
 
 def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
@@ -321,19 +214,6 @@ def _verification(moved: Motion, motors: Sequence[str]) -> Verification:
         output_names=tuple(moved.rows),
         scores=scores(moved),
         moved=moved.counted,
-    )
-
-
-def _compared(moved: Motion) -> FixedParameterScores:
-    """The same for a comparison: the excited channels alone, about their means."""
-    rows = [moved.rows[name] for name in moved.counted]
-    return FixedParameterScores(
-        record=moved.flight.record.name,
-        horizon_s=float("inf"),
-        scores=plain_scores(scores(moved)),
-        time_s=moved.flight.record.time_s[moved.kept] - moved.flight.record.start_s,
-        measured=np.stack([measured - measured.mean() for measured, _ in rows]),
-        predicted=np.stack([modeled - modeled.mean() for _, modeled in rows]),
     )
 
 

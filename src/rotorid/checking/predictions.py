@@ -30,7 +30,7 @@ from rotorid.typing import FloatArray
 from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore
 from rotorid.verification.verification import Scores
 
-NOTHING_FITTED = Selection(fitted=(), unseen=())
+NOTHING_FITTED: Selection = Selection(fitted=(), unseen=())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

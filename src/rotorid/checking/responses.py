@@ -77,6 +77,7 @@ class FittedResponses:
             fitted_too += [fitted_before(flight) for flight in flights if fitted.fits(flight)]
             checks = self._simulated(structure, new) if new else []
         except Exception as failure:
+            # A log that fails, by a fault of ours too, ends no other: it is listed with its reason.
             error = reason_of(failure, f"the prediction of {record.source.name}")
             return Verifications(findings=(*fitted_too, not_verified(record, error.came)))
         return _remarked(checks, fitted_too)
@@ -95,6 +96,7 @@ class FittedResponses:
             wider = with_surroundings([flight], _REST_S, (*structure.inputs, *structure.outputs))
             return _remarked(self._simulated(structure, wider))
         except Exception as failure:
+            # Of one maneuver alike.
             error = reason_of(failure, f"the prediction of {flight.record.source.name}")
             return Verifications(findings=(not_verified(flight.record, error.came),))
 

@@ -171,6 +171,7 @@ def _module(name: str) -> Check:
     try:
         import_module(name)
         return Check(group="library", name=name, state="ok", said=metadata.version(name))
+    # A broken library may raise anything while it is imported.
     except Exception as error:
         remedy = f"pip install --force-reinstall {name}"
         return Check(group="library", name=name, state="broken", said=_sentence(error), remedy=remedy)

@@ -198,6 +198,7 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
         try:
             several = identify_several([record], models, settings=IdentifySettings(seed=task.asked["seed"]))
         except Exception as error:
+            # All models of a log fail together: each is listed with that reason, and the next log is read.
             reason = with_verbs(str(reason_of(error, "models")), "fleet")
             yield from ((name, reason) for name in models)
         else:
@@ -211,6 +212,7 @@ def _model_results(record: FlightRecord, task: Task) -> Iterator[tuple[str, list
         try:
             yield REVIEW, list(_measures(record))
         except Exception as error:
+            # A review that fails leaves its reason; models and the next log stand.
             yield REVIEW, with_verbs(str(reason_of(error, "the review")), "fleet")
 
 

@@ -276,6 +276,7 @@ def tune(
             # A model or an option that was given for this axis is wrong: the user decides.
             raise
         except Exception as failure:
+            # What fails on one axis ends no other.
             refused[axis], remarks = _refused(axis, failure)
             findings += [finding for finding in remarks if finding not in findings]
     while known:
@@ -298,6 +299,7 @@ def tune(
         try:
             path = _path(axis, known[axis], tuning.proposal, chosen, thrust)
         except Exception as failure:
+            # The gains stand without their flights.
             error = reason_of(failure, f"flights to the goal of {axis}")
             findings.append(warn("internal_error", axis, f"{capital(str(error)).rstrip('.')}."))
         else:

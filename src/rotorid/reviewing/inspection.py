@@ -242,6 +242,7 @@ def inspect(record: FlightRecord) -> Inspection:
     try:
         consistency = check_consistency(record, stretches(record, _in_time(*found.values()), flight))
     except Exception as error:
+        # A part that fails leaves its reason, and all others as they are.
         consistency = Consistency(findings=(_failed(error, "consistency"),))
     inspection = Inspection(
         name=record.source.name,
@@ -351,6 +352,7 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
     try:
         _prepare(record, model)
     except Exception as failure:
+        # What one model makes of a log ends no other.
         error = reason_of(failure, model)
         findings = error.findings if isinstance(error, InsufficientDataError) else ()
         because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")

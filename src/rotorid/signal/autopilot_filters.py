@@ -100,8 +100,8 @@ def _known(record: FlightRecord, source: str, passage: Passage, assumed: bool) -
     delay_s = sum(known.delay_s for known in passage.filters)
     numbers = {"delay_s": delay_s, "rate_hz": min(known.rate_hz for known in passage.filters)}
     message = (
-        f"{source} has passed {', '.join(known.name for known in passage.filters)}: {1e3 * delay_s:.2f} ms of delay at "
-        "low frequency"
+        f"{source} was filtered in the autopilot ({', '.join(known.name for known in passage.filters)}), which delays "
+        f"it by {1e3 * delay_s:.2f} ms at low frequency"
     )
     slow = _at_logged_rate(record, source) if assumed else None
     if slow is not None and abs(slow[1] - delay_s) > _WORTH_SAYING_S:

@@ -212,7 +212,8 @@ def _trimmed(
         warn(
             "segment_trimmed",
             f"{start_s:.1f} to {stop_s:.1f} s",
-            f"Of {start_s:.2f} to {stop_s:.2f} s, {places(sources.values())} together hold {low:.2f} to {high:.2f} s.",
+            f"{start_s:.2f} to {stop_s:.2f} s was shortened to {low:.2f} to {high:.2f} s, in which "
+            f"{places(sources.values())} all have samples.",
             start_s=low,
             stop_s=high,
         )

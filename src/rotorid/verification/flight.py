@@ -73,14 +73,8 @@ def flight_loads_of(
 
     Parameters
     ----------
-    values
-        Of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`.
-    record
-        With specific force along all axes.
-    driven
-        What drives the model, of :func:`rotorid.fitting.flight.motion.motion`.
-    cutoff_hz
-        Of the low-pass that stands for an unknown filter of the accelerometer.
+    values, airframe, record, driven, cutoff_hz
+        As for :func:`rotorid.fitting.flight.fit.predicted_force`.
     """
     force = predicted_force(values, airframe, record, driven, cutoff_hz)
     axes = tuple(axis for axis, inertia in INERTIA.items() if values.get(inertia, 0.0) > 0.0)

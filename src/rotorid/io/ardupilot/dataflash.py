@@ -599,8 +599,8 @@ def _damage(log: DataFlashLog) -> Iterator[Finding]:
             yield remark(
                 "corrupt_log",
                 "log",
-                f"the log ends with {stop - start} bytes from byte {start} on that are no complete message; "
-                "they were skipped",
+                f"the last {stop - start} bytes of the log, from byte {start} on, are no complete message and were "
+                "skipped",
                 bytes=stop - start,
                 places=1,
                 first_byte=start,

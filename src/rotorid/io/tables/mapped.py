@@ -149,10 +149,14 @@ def _topic(
     arrays: Mapping[str, FloatArray],
     file: str,
 ) -> Topic:
-    meta = [Channel(name=channel.name, unit=channel.si, source=describe_steps(channel.samples)) for channel in channels]
+    meta = [
+        Channel(name=channel.name, unit=channel.si, source=describe_steps(_named(channel.samples, arrays)))
+        for channel in channels
+    ]
     angles: list[FloatArray] = []
     if mapping.attitude is not None and mapping.attitude.time == time:
-        meta += [Channel(name=name, unit="rad", source=mapping.attitude.parts[0].source) for name in ATTITUDE]
+        of_angles = _named(mapping.attitude.parts[0], arrays).source
+        meta += [Channel(name=name, unit="rad", source=of_angles) for name in ATTITUDE]
         angles = _angles(mapping.attitude, arrays, file)
     first = _samples(channels[0].samples, arrays, channels[0].si, file) if channels else angles[0]
     time_s = _stamps(time, mapping.clock, arrays, first.size, file)
@@ -173,7 +177,7 @@ def _topic(
         if own.along_world and own.name in _FIRST:
             rows = slice(place, place + 3)
             values[rows] = earth_to_body(np.stack(angles), values[rows])
-    name = time.source if time else _COMMON_CLOCK
+    name = _named(time, arrays).source if time else _COMMON_CLOCK
     return Topic(name=name, time_s=time_s, channels=tuple(meta), values=values, of_table=True)
 
 
@@ -235,8 +239,7 @@ def _stamps(
 
 
 def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: str) -> FloatArray:
-    if series.source == ONLY_VARIABLE and len(arrays) == 1:
-        series = replace(series, source=next(iter(arrays)))
+    series = _named(series, arrays)
     if series.source not in arrays:
         close = nearest(series.source, arrays)
         raise UsageError(
@@ -254,6 +257,13 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
         )
     factor = series.scale * parse_unit(series.unit or si).factor
     return (vector + series.offset) * factor if series.offset else vector * factor
+
+
+def _named(series: Series, arrays: Mapping[str, FloatArray]) -> Series:
+    """A series of the only variable of a file by the name that the variable has there."""
+    if series.source == ONLY_VARIABLE and len(arrays) == 1:
+        return replace(series, source=next(iter(arrays)))
+    return series
 
 
 def _picked(series: Series, array: FloatArray, file: str) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rotorid.data.record import FlightRecord, Source
+from rotorid.data.record import FlightRecord, Source, places
 from rotorid.errors import LogError, UsageError
 from rotorid.io.tables import matlab as mat
 from rotorid.io.tables.mapping import parse_mapping, read_mapping
@@ -53,6 +53,13 @@ def test_a_common_clock_is_stamps_steps_or_a_rate(tmp_path: Path, clock: dict[st
     content = {"ms": np.array([1000.0, 1100.0, 1400.0]), "dt": np.array([0.1, 0.3, 0.2]), "y": np.arange(3)}
     record = read_saved(tmp_path, content, {"clock": clock, "channels": {"q": {"source": "y"}}})
     np.testing.assert_allclose(record.topics[0].time_s, expected, rtol=1e-12)
+
+
+def test_the_only_variable_has_its_own_name(tmp_path: Path) -> None:
+    motors = {f"motor_{number}": {"source": "*", "column": number} for number in range(1, 5)}
+    mapping = {"clock": {"time": {"source": "*", "column": 0}}, "channels": motors}
+    record = read_saved(tmp_path, {"flown": np.arange(35.0).reshape(7, 5)}, mapping)
+    assert places(next(record.holding(name)) for name in motors) == "flown"
 
 
 def test_a_wrong_length_of_steps_is_seen(tmp_path: Path) -> None:
