@@ -17,7 +17,8 @@ from rotorid.documents.result import MatricesDocument, matrices_document
 from rotorid.results.summary import ParameterEstimate, PoleEstimate
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.results.model import IdentifiedModel
 
 

@@ -26,7 +26,7 @@ from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flying.designs import computed_for
 from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
-from rotorid.flying.vehicle_from_results import MOTION, UNITS
+from rotorid.flying.vehicle_numbers import MOTION, UNITS
 from rotorid.io import documents
 from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.parameter import no_such

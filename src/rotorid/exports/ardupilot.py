@@ -61,7 +61,8 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.models.rotors import RotorLayout
     from rotorid.results.summary import Straightening
     from rotorid.simulation.multirotor import Multirotor
@@ -256,7 +257,7 @@ def compensation_gain(altitude_m: float) -> float:
 
 def _usual(name: str, defaults: dict[str, VehicleNumber], value: float | None = None, of: str = "") -> float:
     """The default of SITL's own frame, noted."""
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     usual, unit = _USUAL[name]
     chosen = usual if value is None else value

@@ -10,7 +10,8 @@ from rotorid.data.findings import Finding, warn
 from rotorid.data.quantity import with_error
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
 _EXCLUDED_SIGMAS = 3.0
 """Standard deviations from which an estimate excludes a default."""

@@ -40,7 +40,8 @@ from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "gazebo"
@@ -202,7 +203,7 @@ def gazebo_vehicle(
     findings: list[Finding],
 ) -> GazeboVehicle:
     """The numbers of the model; what was taken from the plugin's own vehicle goes to ``defaults``."""
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     def usual(name: str, value: float, unit: str, of: str) -> float:
         defaults[name] = VehicleNumber(value=value, unit=unit, source="default", of=of)

@@ -52,7 +52,8 @@ from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.models.rotors import RotorLayout
     from rotorid.simulation.multirotor import Multirotor
 
@@ -263,7 +264,7 @@ _SHORTEST_SHARE = 0.1
 
 
 def _default(value: float, unit: str, of: str) -> VehicleNumber:
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     return VehicleNumber(value=value, unit=unit, source="default", of=of)
 

@@ -54,7 +54,8 @@ from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "rotorpy"
@@ -145,7 +146,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     ModelError
         There are not four rotors, or they are tilted.
     """
-    from rotorid.flying.vehicle_from_results import VehicleNumber, require
+    from rotorid.flying.vehicle_from_results import require
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_upright(body, NAME)
@@ -194,7 +196,7 @@ def rotor_radius(
     vehicle: JoinedVehicle, body: Multirotor, name: str, usual_m: float, defaults: dict[str, VehicleNumber]
 ) -> float:
     """Radius of a propeller, meters, by the area of all discs where that is known."""
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     area = vehicle.numbers.get("disc_area")
     if area is not None:
@@ -221,7 +223,7 @@ def speed_vehicle(
     defaults, findings
         What is not known and what is no drag is added to them.
     """
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     force, slope, output = vehicle.hover_force_n, vehicle.hover_slope_n, vehicle.hover_output
     known = vehicle.numbers.get("speed_max")

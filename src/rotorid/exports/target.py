@@ -18,7 +18,7 @@ from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import VehicleNumber
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
 Fidelity: TypeAlias = Literal["exact", "approximated", "not"]
 

@@ -48,7 +48,8 @@ from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.flying.vehicle_numbers import VehicleNumber
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "urdf"
@@ -87,7 +88,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     ModelError
         The rotors are not four in an X that turn against their neighbors.
     """
-    from rotorid.flying.vehicle_from_results import VehicleNumber, require
+    from rotorid.flying.vehicle_from_results import require
+    from rotorid.flying.vehicle_numbers import VehicleNumber
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
     require_upright(body, "gym-pybullet-drones")

@@ -25,6 +25,6 @@ from rotorid.flying.stitching import stitch as stitch
 from rotorid.flying.user_vehicles import OwnVehicle as OwnVehicle
 from rotorid.flying.user_vehicles import own_vehicle as own_vehicle
 from rotorid.flying.vehicle_from_results import JoinedVehicle as JoinedVehicle
-from rotorid.flying.vehicle_from_results import VehicleNumber as VehicleNumber
 from rotorid.flying.vehicle_from_results import joined_vehicle as joined_vehicle
 from rotorid.flying.vehicle_from_results import require as require
+from rotorid.flying.vehicle_numbers import VehicleNumber as VehicleNumber

@@ -86,7 +86,7 @@ def parse_changes(texts: Sequence[str]) -> dict[str, float]:
     >>> parse_changes(["m=1.5kg", "tau=10ms", "arm=20cm", "I_xx=0.02"])
     {'m': 1.5, 'tau': 0.01, 'arm': 0.2, 'I_xx': 0.02}
     """
-    from rotorid.flying.vehicle_from_results import UNITS
+    from rotorid.flying.vehicle_numbers import UNITS
 
     lags = dict.fromkeys(("T_motor_up", "T_motor_down", "tau"), "s")
     return parse_assignments(texts, option="--set", units={**UNITS, **lags})

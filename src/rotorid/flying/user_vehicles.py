@@ -19,7 +19,8 @@ from rotorid.errors import UsageError
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flights.controllers import controllers_of_result
 from rotorid.flying.vehicle_air import PLACE
-from rotorid.flying.vehicle_from_results import MOTION, UNITS, JoinedVehicle, VehicleNumber, joined_vehicle, require
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle, require
+from rotorid.flying.vehicle_numbers import MOTION, UNITS, VehicleNumber
 from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
@@ -80,7 +81,7 @@ class OwnVehicle(Immutable):
 
 
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
-    """The numbers of a vehicle by the names of :data:`rotorid.flying.vehicle_from_results.UNITS`.
+    """The numbers of a vehicle by the names of :data:`rotorid.flying.vehicle_numbers.UNITS`.
 
     Examples
     --------

@@ -12,7 +12,8 @@ from tests.unit.flying.test_vehicle_from_results import motors, result
 from rotorid.exports import Exported, ExportSettings, export
 from rotorid.exports.ardupilot import export as to_ardupilot
 from rotorid.exports.px4_sih import export as to_sih
-from rotorid.flying.vehicle_from_results import JoinedVehicle, VehicleNumber, joined_vehicle
+from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
+from rotorid.flying.vehicle_numbers import VehicleNumber
 from rotorid.models.rotors import library_layout
 from rotorid.results.summary import ReductionStep
 

@@ -11,7 +11,8 @@ import pytest
 from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.result import ResultDocument, identified_model
 from rotorid.errors import UsageError
-from rotorid.flying.vehicle_from_results import VehicleNumber, joined_vehicle, require
+from rotorid.flying.vehicle_from_results import joined_vehicle, require
+from rotorid.flying.vehicle_numbers import VehicleNumber
 from rotorid.models.rotors import library_layout
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Correlation, MotorPhysics, ParameterEstimate
