@@ -128,6 +128,24 @@ def parse_unit(text: str) -> Unit:
     return UNITS[name]
 
 
+def factor_to(si: str, text: str) -> float:
+    """Factor from a unit as logs write it to one of :func:`rotorid.data.record.units_of`.
+
+    Parameters
+    ----------
+    si
+        Unit of the answer: an SI unit, or ``us`` of pulses.
+    text
+        Unit of the numbers; empty for the same.
+
+    Examples
+    --------
+    >>> factor_to("1", "%"), round(factor_to("us", "ms"), 6), factor_to("V", "")
+    (0.01, 1000.0, 1.0)
+    """
+    return parse_unit(text or si).factor / parse_unit(si).factor
+
+
 def writable(unit: str) -> str:
     """A unit that a person may write behind a number; ``1`` in place of one that is no word of :data:`UNITS`.
 

@@ -50,6 +50,7 @@ from rotorid.flights.selection import (
     wholly_flown,
 )
 from rotorid.flights.steady_wind import in_wind_of
+from rotorid.models.input_units import require_same_unit
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import connected
 from rotorid.results.model import Verifications
@@ -172,6 +173,7 @@ class LinearPredictor:
         # Without an input nothing can be predicted; of the outputs those that are there will do.
         if lacking := _lacking(record, (*structure.inputs, *(there or structure.outputs))):
             return UnseenLog(record=record, cause=lacking)
+        require_same_unit(structure, record)
         if segments:
             wanted = [described(flight) for m in given if (flight := Flight(record, m)).inside]
         else:
@@ -192,6 +194,7 @@ class LinearPredictor:
     def _scored(self, record: FlightRecord, settings: IdentifySettings) -> list[Flight]:
         """Flights of a log on which the model is scored."""
         structure, axes = self.candidate.structure, self.axes
+        require_same_unit(structure, record)
         commands = all(is_command(name) for name in structure.inputs)
         own = tuple(maneuver for maneuver in settings.segments if maneuver.axis in axes or not commands)
         if settings.segments and not own:

@@ -227,6 +227,9 @@ KINDS: Mapping[str, Kind] = {
         "One flight does not show how numbers scatter between flights, so the usual scatter was assumed.",
     ),
     "assumed_geometry": Kind("info", "Motor layout assumed", "The order or the positions of the motors were assumed."),
+    "bench_log": Kind(
+        "info", "A log of a bench", "The log has motors and how the vehicle turned, and nothing that shows a flight."
+    ),
     "battery_sag": Kind(
         "info",
         "Battery voltage fell",

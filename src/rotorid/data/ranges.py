@@ -1,7 +1,7 @@
 """Physical limits of channels: bounds that no flying multirotor passes, wide enough for every sensor.
 
-A value outside is damage of the log, not motion. The bounds hold in the units of the vocabulary; a channel that came in
-another unit (a motor in volts or microseconds) has none.
+A value outside is damage of the log, not motion. The bounds hold in the units of the vocabulary; what drives a motor in
+another one (volts, microseconds) is no share of full output, and has wider ones of its own.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel
+from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, units_of
 
 FASTEST_RATE_RAD_S = math.radians(4000.0)
 """End of the range of the fastest gyros in flight controllers."""
@@ -56,6 +56,11 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
 RANGES: Mapping[str, tuple[float, float]] = _ranges()
 """Channel of the vocabulary to its lowest and highest possible value, in its standard unit."""
 
+BENCH_RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"V": (-1000.0, 1000.0), "us": (-5000.0, 5000.0), "rad/s": (-2e4, 2e4)}
+)
+"""Unit of what drives a motor on a bench to its lowest and highest value; differences from trim are negative."""
+
 _MOTIONS = "p q r phi theta psi u v w velocity_north velocity_east velocity_down north east down ax ay az"
 
 MEASURED = frozenset(_MOTIONS.split())
@@ -71,13 +76,15 @@ def range_of(channel: Channel) -> tuple[float, float] | None:
     Parameters
     ----------
     channel
-        Its name and its unit; in a unit other than the vocabulary's nothing is known.
+        Its name and its unit; of what drives a motor in another unit than the vocabulary's only damage is known.
 
     Examples
     --------
     >>> range_of(Channel(name="motor_1", unit="1"))
     (-1.5, 1.2)
-    >>> range_of(Channel(name="motor_1", unit="V")) is None
-    True
+    >>> range_of(Channel(name="motor_1", unit="V")), range_of(Channel(name="p", unit="1"))
+    ((-1000.0, 1000.0), None)
     """
-    return RANGES.get(channel.name) if channel.unit == STANDARD_UNITS.get(channel.name) else None
+    if channel.unit == STANDARD_UNITS.get(channel.name):
+        return RANGES.get(channel.name)
+    return BENCH_RANGES.get(channel.unit) if channel.unit in units_of(channel.name) else None

@@ -9,6 +9,7 @@ which an axis was excited; it holds no data. A :class:`TimeHistory` is channels 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -74,6 +75,30 @@ STANDARD_UNITS: Mapping[str, str] = _standard()
 """Every channel name of the vocabulary and its SI unit. Axes are FRD/NED, angles radians."""
 
 
+_BENCH_UNITS = ("1", "V", "us", "rad/s")
+"""Of what drives a motor on a bench: share of full output, volts, width of the pulses, speed that is asked for."""
+
+_DRIVING = re.compile(r"motor_[1-9][0-9]?(_excitation)?")
+
+
+def units_of(name: str) -> tuple[str, ...]:
+    """Units that a channel may have, that of the vocabulary first; empty for a name outside of it.
+
+    Parameters
+    ----------
+    name
+        What drives a motor, on a bench also in V, in µs of pulses or in rad/s; all others have one unit.
+
+    Examples
+    --------
+    >>> units_of("motor_1"), units_of("p"), units_of("my_channel")
+    (('1', 'V', 'us', 'rad/s'), ('rad/s',), ())
+    """
+    if name not in STANDARD_UNITS:
+        return ()
+    return _BENCH_UNITS if _DRIVING.fullmatch(name) else (STANDARD_UNITS[name],)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Channel:
     """Name, unit and origin of one row of samples.
@@ -83,7 +108,7 @@ class Channel:
     name
         A name of the vocabulary (``STANDARD_UNITS``) or one that the user gave.
     unit
-        SI unit of the values.
+        SI unit of the values; pulses that drive a motor are in µs.
     source
         Where the values stand in the log, as the log names it: ``SIDD.Gx``, ``vehicle_angular_velocity.xyz[0]``.
     """
@@ -522,6 +547,17 @@ class FlightRecord(Immutable):
     def rate_hz(self, name: str) -> float:
         """Sample rate of the fastest copy of a channel; zero if the log has none."""
         return max((topic.sample_rate_hz for topic, _ in self.holding(name)), default=0.0)
+
+    def unit_of(self, name: str) -> str:
+        """Unit of the best copy of a channel; that of the vocabulary, or 1, where the log has none."""
+        source = next(self.holding(name), None)
+        return STANDARD_UNITS.get(name, "1") if source is None else source[0].channels[source[1]].unit
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Outputs ``motor_1`` and on that are shares of full output; volts, pulses and speeds of a bench are none."""
+        names = (f"motor_{number}" for number in range(1, MOTORS + 1))
+        return tuple(name for name in names if name in self.channel_names and self.unit_of(name) == "1")
 
     @property
     def start_s(self) -> float:

@@ -18,7 +18,7 @@ from rotorid.autopilots.filters import combined_response
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import milliseconds, with_error
-from rotorid.data.record import AXES, LOWEST_RATE_HZ, MOTORS, Channel, FlightRecord, Maneuver, TimeHistory, Topic
+from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
 from rotorid.results.model import Segment
@@ -397,7 +397,7 @@ def _fast(record: FlightRecord, name: str) -> bool:
 
 
 def _motors(record: FlightRecord) -> tuple[str, ...]:
-    return tuple(name for name in (f"motor_{n}" for n in range(1, MOTORS + 1)) if name in record.channel_names)
+    return record.outputs
 
 
 def _unchecked(names: Sequence[str], error: InsufficientDataError) -> Finding:

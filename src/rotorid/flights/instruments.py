@@ -13,17 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, warn
-from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
+from rotorid.data.record import AXES, FlightRecord, Maneuver
 from rotorid.errors import ModelError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.airborne import Airborne, airborne_by_thrust, evidence_words
 from rotorid.signal.clock import even_step_s, missing_channel
 from rotorid.signal.excitations import (
-    LEAST_MOTION,
     RATE_SETPOINTS,
     excitation_signals,
     find_excitations,
+    least_motion,
     sets_rates_directly,
 )
 from rotorid.typing import Axis, FloatArray
@@ -211,7 +211,7 @@ _FEWEST_SAMPLES = 10
 def _moves(flight: Flight, name: str) -> bool:
     for samples in flight.samples(name):
         if samples.values.size > _FEWEST_SAMPLES:
-            return float(np.ptp(samples.values)) > LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
+            return float(np.ptp(samples.values)) > least_motion(flight.record, name)
     return False
 
 

@@ -36,11 +36,11 @@ from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (
-    LEAST_MOTION,
     candidate_excitations,
     classify,
     excitation_signals,
     find_excitations,
+    least_motion,
     rich_excitations,
     verifying_excitations,
 )
@@ -559,7 +559,7 @@ def _logged(record: FlightRecord, input: str, output: str) -> bool:
     """Whether both channels are there and the input moves."""
     if output not in record.channel_names:
         return False
-    least = LEAST_MOTION.get(STANDARD_UNITS.get(input, "1"), 0.0)
+    least = least_motion(record, input)
     return any(
         values.size > 1 and float(np.ptp(values)) > least
         for topic, row in record.holding(input)

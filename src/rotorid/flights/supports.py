@@ -32,6 +32,7 @@ from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_
 from rotorid.models.library import RATE_AXES, library_model
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne
+from rotorid.signal.bench import is_bench
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
@@ -692,8 +693,8 @@ def _logged_at(history: MotorHistory | None) -> str:
 
 
 def _rig_support(record: FlightRecord, model: str) -> Support | None:
-    """Whether a record supports a model of a vehicle on a pivot; ``None`` without test inputs of single motors."""
-    if not motor_excitations(record):
+    """Whether a record supports a model of a vehicle on a pivot; ``None`` where no single motor was moved."""
+    if not motor_excitations(record) and not is_bench(record):
         return None
     family = family_of(model)
     motors, axes, outputs = library_model(model).inputs, family.axes[model], family.outputs[model]

@@ -405,7 +405,8 @@ def move_rig(seed: int) -> FlightRecord:
 def write_rig(path: Path, record: FlightRecord) -> None:
     """Write the record as CSV: motors and what was added to them, angles and rates."""
     topic = record.topics[0]
-    write_csv(path, topic.time_s, {channel.name: topic.values[row] for row, channel in enumerate(topic.channels)})
+    columns = {channel.name: topic.values[row] for row, channel in enumerate(topic.channels)}
+    write_csv(path, topic.time_s, columns, {channel.name: channel.unit for channel in topic.channels})
 
 
 def rig_simulation(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = ()) -> Simulation:

@@ -21,6 +21,7 @@ from rotorid.identifying.motors import Motors
 from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
 from rotorid.models.derived import require_useful
 from rotorid.models.families import FLIGHT, HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, family_of
+from rotorid.models.input_units import in_logged_units
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings, MethodChoice
@@ -87,7 +88,7 @@ def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
 
 def _linear(model: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
     structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
-    return _of_structure(structure, settings)
+    return _of_structure(in_logged_units(structure, records), settings)
 
 
 def _hover(_: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:

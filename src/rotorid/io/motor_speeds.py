@@ -165,7 +165,8 @@ def _speeds(record: FlightRecord) -> list[_Speed]:
         if values.size < _FEWEST or topic.sample_rate_hz <= 0.0:
             continue
         output = None
-        for outputs, place in record.holding(f"motor_{number}"):
+        name = f"motor_{number}"
+        for outputs, place in record.holding(name) if name in record.outputs else ():
             kept = np.isfinite(outputs.values[place])
             if np.count_nonzero(kept) > 1:
                 late = np.searchsorted(outputs.time_s[kept], time_s, side="right") - 1

@@ -37,7 +37,7 @@ import numpy as np
 from rotorid.data.display import counted
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import MEASURED, TURNING, range_of
-from rotorid.data.record import MOTORS, Channel, FlightRecord, Topic, silences
+from rotorid.data.record import MOTORS, STANDARD_UNITS, Channel, FlightRecord, Topic, silences
 from rotorid.errors import LogError
 from rotorid.io.parameters import kept_parameters
 from rotorid.typing import BoolArray, FloatArray, IntArray
@@ -374,7 +374,7 @@ def _faults(topic: Topic, row: int, topics: Sequence[Topic]) -> _Faults | None:
     if rate_hz >= _SLOWEST_HZ:
         inside = slice(None) if plausible else np.flatnonzero(~(no_number | outside))
         known, time_s = values[inside], topic.time_s[inside]
-        candidates = _isolated_samples(known, channel.name)
+        candidates = _isolated_samples(known, channel)
         if not _is_sensed(channel.name):
             elsewhere = [other for other in topics if other is not topic]
             confirmed = [
@@ -408,15 +408,16 @@ def _still(values: FloatArray, name: str, rate_hz: float) -> IntArray:
     return np.concatenate([np.arange(changes[place] + 2, changes[place + 1] + 1) for place in long])
 
 
-def _isolated_samples(values: FloatArray, name: str) -> IntArray:
+def _isolated_samples(values: FloatArray, channel: Channel) -> IntArray:
     """Indices of single samples that cannot belong to the motion around them."""
+    name = channel.name
     none = np.empty(0, dtype=np.int64)
     if values.size < _FEWEST:
         return none
     steps, out = _outstanding(values, name)
     # A giant stands out by half of its distance, and at most two of them span the whole range.
     found = _giants(values, out, name) if float(out.max()) > 0.25 * float(np.ptp(values)) else none
-    if name in _OUTPUTS:
+    if name in _OUTPUTS and channel.unit == STANDARD_UNITS[name]:
         found = np.union1d(found, _reversed(values, out))
     if _is_sensed(name):
         found = np.union1d(found, _jumps(steps, out))

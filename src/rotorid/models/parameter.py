@@ -21,7 +21,7 @@ from rotorid.models.expression import Expression
 from rotorid.typing import FloatArray
 from rotorid.units import parse_unit
 
-UNIT_SYMBOLS = ("rad", "m", "s", "kg", "N", "V", "A")
+UNIT_SYMBOLS = ("rad", "m", "s", "kg", "N", "V", "A", "us")
 _FACTOR = re.compile(r"([A-Za-z]+)(?:\^(-?[1-9]))?")
 
 

@@ -129,7 +129,7 @@ class Level:
 
 def level_of(record: FlightRecord) -> Level | None:
     """Mean of the motors, else the throttle, over which noise is mapped; ``None`` where neither is logged."""
-    motors = [name for name in record.channel_names if name.startswith("motor_") and name[6:].isdigit()]
+    motors = list(record.outputs)
     for names in (motors, ["thrust_command"], ["thrust_stick"]):
         if not names or names[0] not in record:
             continue

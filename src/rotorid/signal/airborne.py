@@ -17,6 +17,7 @@ from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord, Intervals, Maneuver, silences
 from rotorid.errors import InsufficientDataError
+from rotorid.signal.bench import bench_words, is_bench
 from rotorid.signal.control import Control, before_loss, control
 from rotorid.signal.dead_sensors import dead_sensor_findings
 from rotorid.signal.witnesses import (
@@ -140,6 +141,8 @@ def airborne(record: FlightRecord, *, margin_s: float = 0.0) -> Airborne:
     >>> next(one.answer(0.0, 10.0) for one in found.witnesses if one.name == "throttle")
     'no'
     """
+    if is_bench(record):
+        raise _of_a_bench(record)
     witnesses = witnesses_of(record)
     deciding = [one for name in _DECIDING for one in witnesses if one.name == name and one.speaks]
     if not deciding:
@@ -314,6 +317,8 @@ def not_flown(record: FlightRecord) -> tuple[Finding, ...]:
     try:
         airborne(record)
     except InsufficientDataError as error:
+        if is_bench(record):
+            return tuple(error.findings)
         never = tuple(warn(finding.kind, finding.where, finding.message) for finding in error.findings)
         unknown = f"The log does not show when the vehicle flew: {error.came.rstrip('.')}."
         return never or (remark("airborne", "log", unknown),)
@@ -361,6 +366,17 @@ def evidence_words(seen_in: str) -> str:
     'as vehicle_land_detected and vehicle_status show'
     """
     return f"as {seen_in} {'show' if ' and ' in seen_in else 'shows'}"
+
+
+def _of_a_bench(record: FlightRecord) -> InsufficientDataError:
+    """A vehicle that is held does not fly, whatever its motors do."""
+    came = f"{record.source.name} is a log of a bench ({bench_words(record)})"
+    return InsufficientDataError(
+        came,
+        needed=f"a log of a flight, with {_NOTHING_LOGGED}",
+        remedy="identify it with --model rig.roll, rig.attitude or a model of your own",
+        findings=[remark("bench_log", record.source.name, f"{came}: motors and motion, nothing that flies.")],
+    )
 
 
 def _unknown(record: FlightRecord) -> InsufficientDataError:

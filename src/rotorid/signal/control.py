@@ -30,7 +30,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import MOTORS, FlightRecord, Intervals
+from rotorid.data.record import FlightRecord, Intervals
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -295,7 +295,7 @@ class _Cells:
         def cells(*names: str) -> FloatArray:
             return np.stack([_cell_means(record, name, time_s) for name in names])
 
-        motors = cells(*(name for number in range(MOTORS) if (name := f"motor_{number + 1}") in record or number < 1))
+        motors = cells(*(record.outputs or ("motor_1",)))
         thrust = motors.mean(axis=0)
         if not np.isfinite(thrust).any():
             thrust = cells("thrust_command")[0]

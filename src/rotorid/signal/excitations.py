@@ -22,9 +22,20 @@ import numpy as np
 
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import cached_by_value
-from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, FlightRecord, Intervals, Kind, Maneuver, Maneuvers
+from rotorid.data.record import (
+    AXES,
+    MOTORS,
+    STANDARD_UNITS,
+    FlightRecord,
+    Intervals,
+    Kind,
+    Maneuver,
+    Maneuvers,
+    units_of,
+)
 from rotorid.data.trust import LEAST_WIDTH, RICH_KINDS
 from rotorid.signal.airborne import airborne_by_thrust
+from rotorid.signal.bench import driven_motors, is_bench
 from rotorid.signal.clock import even_step_s
 from rotorid.typing import Axis, BoolArray, FloatArray
 
@@ -55,6 +66,17 @@ _TUNING_MODES = ("autotune",)
 
 LEAST_MOTION = {"1": 0.02, "rad": 0.02, "rad/s": 0.05, "m/s": 0.1, "m": 0.02}
 """Excitations smaller than this are taken for noise or for pilot corrections."""
+
+_LEAST_DRIVE = {"V": 0.05, "us": 10.0, "rad/s": 5.0}
+"""The same of what drives a motor on a bench: about a hundredth of what a motor needs to carry its vehicle."""
+
+
+def least_motion(record: FlightRecord, name: str) -> float:
+    """Motion of a channel, in its own unit, that is taken for noise or for corrections of a pilot."""
+    unit = record.unit_of(name)
+    drives = unit in units_of(name)[1:]
+    return _LEAST_DRIVE[unit] if drives else LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02)
+
 
 _ACTIVE_SHARE = 0.1
 """Share of the largest motion above which a signal is active."""
@@ -313,7 +335,8 @@ def candidate_excitations(record: FlightRecord, axis: Axis) -> tuple[Maneuver, .
     for name in _free_signals(record, axis):
         for topic, row in record.holding(name):
             values = topic.values[row]
-            moving = _in_signal(topic.time_s, values, axis, name, rest=_middle_of_levels(values))
+            least = least_motion(record, name)
+            moving = _in_signal(topic.time_s, values, axis, name, least=least, rest=_middle_of_levels(values))
             if moving:
                 rich = [m for m in moving if _is_rich(m, topic.time_s, values) and not _any_shared(m, known)]
                 rich = list(_level_flight(record, rich))
@@ -394,7 +417,7 @@ def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
         for topic, row in record.holding(name):
             inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s) & np.isfinite(topic.values[row])
             time_s, values = topic.time_s[inside], topic.values[row][inside]
-            moved = _in_signal(time_s, values, axis, name)
+            moved = _in_signal(time_s, values, axis, name, least=least_motion(record, name))
             if planned:
                 moved = [replace(_smoothed(m, time_s, values), origin="declared") for m in moved]
             kinds = (*RICH_KINDS, "doublet", "multistep") if planned else _MADE_BY_PROGRAMS
@@ -438,7 +461,7 @@ def motor_excitations(record: FlightRecord) -> tuple[str, ...]:
 def _by_single_motors(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations in which single motors were moved, as on a rig; each counts to the axis that turns most meanwhile."""
     found: list[Maneuver] = []
-    for name in motor_excitations(record):
+    for name in motor_excitations(record) or (driven_motors(record) if is_bench(record) else ()):
         moved = (m for m in _purposeful(record, axis, [name]) if _turns_most(record, m) == axis)
         found += [m for m in moved if not _any_shared(m, found)]
     return tuple(sorted(found, key=lambda maneuver: maneuver.start_s))
@@ -470,7 +493,7 @@ def _purposeful(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tuple
     outer: tuple[Maneuver, ...] = ()
     for name in names:
         for topic, row in record.holding(name):
-            found = _in_signal(topic.time_s, topic.values[row], axis, name)
+            found = _in_signal(topic.time_s, topic.values[row], axis, name, least=least_motion(record, name))
             kinds = _MADE_BY_PROGRAMS if outer else (*RICH_KINDS, "doublet", "multistep")
             moved = [m for m in found if m.kind in kinds and not _by_autopilot(record, m)]
             moved = [m for m in moved if not _answers_another_axis(record, m)]
@@ -522,7 +545,7 @@ def _short_on_trim(record: FlightRecord, axis: Axis, names: Sequence[str]) -> tu
             motion = values - np.interp(time_s, grid, trim)
             motion[(time_s > begin_s) & (time_s < end_s)] = 0.0
             least = 0.5 * float(np.abs(motion).max())
-            moved = _in_signal(time_s, motion, axis, name, rest=0.0)
+            moved = _in_signal(time_s, motion, axis, name, least=least_motion(record, name), rest=0.0)
             short = [
                 m
                 for m in moved
@@ -599,7 +622,7 @@ def _mostly_inside(maneuver: Maneuver, other: Maneuver) -> bool:
 
 
 def _in_signal(
-    time_s: FloatArray, values: FloatArray, axis: Axis, name: str, *, rest: float | None = None
+    time_s: FloatArray, values: FloatArray, axis: Axis, name: str, *, least: float, rest: float | None = None
 ) -> list[Maneuver]:
     """Every active stretch of a signal as it is classified; the resting value is its median unless it is given."""
     finite = np.isfinite(values)
@@ -608,7 +631,7 @@ def _in_signal(
         return []
     motion = values - (np.median(values) if rest is None else rest)
     largest = float(np.percentile(np.abs(motion), 99.8))
-    if largest < LEAST_MOTION.get(STANDARD_UNITS.get(name, "1"), 0.02):
+    if largest < least:
         return []
     maneuvers = []
     cores = _active_intervals(time_s, np.abs(motion) > _ACTIVE_SHARE * largest)

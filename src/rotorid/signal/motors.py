@@ -263,8 +263,8 @@ def motor_channels(record: FlightRecord, prefix: str) -> tuple[str, ...]:
 
 
 def _motor_numbers(record: FlightRecord, prefix: str) -> list[int]:
-    pattern = re.compile(rf"{prefix}(\d+)")
-    return sorted(int(match[1]) for name in record.channel_names if (match := pattern.fullmatch(name)))
+    pattern, names = re.compile(rf"{prefix}(\d+)"), record.outputs if prefix == "motor_" else record.channel_names
+    return sorted(int(match[1]) for name in names if (match := pattern.fullmatch(name)))
 
 
 def on_common_stamps(record: FlightRecord, names: Sequence[str]) -> tuple[FloatArray, FloatArray, str]:

@@ -288,7 +288,7 @@ def _samples(record: FlightRecord, kind: _Level) -> tuple[FloatArray, FloatArray
     if kind.name == "throttle":
         return _together(record, ("thrust_command",)) or _stick(record)
     if kind.name == "motor outputs":
-        found = _together(record, tuple(f"motor_{number}" for number in numbered))
+        found = _together(record, record.outputs)
         return None if found is None else (found[0], found[1], "the mean of the motors")
     if kind.name == "current":
         return _together(record, ("battery_current",))

@@ -207,13 +207,15 @@ def excitation_of(name: str) -> str:
     return f"{name.removesuffix('_command')}_excitation"
 
 
-def as_record(flight: Flight) -> FlightRecord:
+def as_record(flight: Flight, units: Mapping[str, str] | None = None) -> FlightRecord:
     """A flight as the record that reading its log would give, without a file.
 
     Parameters
     ----------
     flight
         What :func:`fly_linear` or :func:`rotorid.simulation.hover_flight.fly` made. Its maneuvers become declared ones.
+    units
+        Channel to unit, where that is not the one of the vocabulary.
 
     Examples
     --------
@@ -227,7 +229,9 @@ def as_record(flight: Flight) -> FlightRecord:
     topic = Topic(
         name=flight.vehicle,
         time_s=flight.time_s,
-        channels=tuple(Channel(name=name, unit=STANDARD_UNITS.get(name, "1")) for name in flight.columns),
+        channels=tuple(
+            Channel(name=name, unit=(units or {}).get(name) or STANDARD_UNITS.get(name, "1")) for name in flight.columns
+        ),
         values=values,
     )
     digest = hashlib.sha256(values.tobytes()).hexdigest()

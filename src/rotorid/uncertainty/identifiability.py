@@ -35,7 +35,7 @@ _MEASUREMENTS: Mapping[str, str] = {
     "kg": "by weighing",
     "m": "with a ruler",
     "kg m^2": "by swinging the vehicle on two cords",
-    **dict.fromkeys(("N", "N/V", "N m", "N m/V"), "on a thrust stand"),
+    **dict.fromkeys(("N", "N/V", "N/us", "N s/rad", "N m", "N m/V", "N m/us", "N m s/rad"), "on a thrust stand"),
 }
 """How a parameter of a unit is measured on the ground, easiest first."""
 

@@ -25,7 +25,7 @@ from rotorid.excitation.sweep import pilot_sweep
 from rotorid.models.library import library_model
 from rotorid.models.state_space import StateSpace
 from rotorid.simulation.hover_flight import STEP_RATE_HZ, Flight
-from rotorid.simulation.linear_loop import LinearLoop, as_record, fly_linear
+from rotorid.simulation.linear_loop import LinearLoop, as_record, excitation_of, fly_linear
 from rotorid.typing import FloatArray
 
 TRUTH: Mapping[str, float] = MappingProxyType(
@@ -119,7 +119,8 @@ def fly(
     system = system or attitude()
     quiet = _flight(system, test_inputs, np.zeros(3), rng).columns
     tilt, heading = max(np.std(quiet["phi"]), np.std(quiet["theta"])), np.std(quiet["psi"])
-    return as_record(_flight(system, test_inputs, noise * np.array([tilt, tilt, heading]), rng))
+    units = {name: "V" for motor in MOTORS for name in (motor, excitation_of(motor))}
+    return as_record(_flight(system, test_inputs, noise * np.array([tilt, tilt, heading]), rng), units)
 
 
 def _sweep(rng: np.random.Generator) -> FloatArray:

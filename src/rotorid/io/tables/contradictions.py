@@ -20,12 +20,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from rotorid.data.ranges import RANGES
-from rotorid.data.record import STANDARD_UNITS, FlightRecord, Topic
+from rotorid.data.ranges import range_of
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Topic, units_of
 from rotorid.errors import UsageError
 from rotorid.io.tables.mapping import ChannelMapping, MappedChannel, Series
 from rotorid.typing import FloatArray
-from rotorid.units import STANDARD_GRAVITY_M_S2, UNITS, parse_unit
+from rotorid.units import STANDARD_GRAVITY_M_S2, UNITS, factor_to, parse_unit
 
 _SLOWEST_S, _FASTEST_S = 1.5, 1e-4
 """Steps of a clock between which a mapping is not doubted: GPS at 1 Hz to a gyro at 10 kHz."""
@@ -47,6 +47,9 @@ _LIMITS: Mapping[str, float] = {
     **dict.fromkeys(("roll_command", "pitch_command", "yaw_command", "thrust_command"), 20.0),
 }
 """Largest size of channels, in SI, where it is narrower than what screening leaves out."""
+
+_DRIVES: Mapping[str, float] = {"V": 75.0, "us": 3000.0}
+"""Volts and pulses that drive a motor: batteries of 18 cells, and the longest pulses of a servo."""
 
 _SHARES = {0.01: 'unit = "%"', 1.0 / 65535.0: "scale = 1.52590218966964e-05", 1e-3: "scale = 0.001"}
 _PULSE_RANGE = (850.0, 2200.0)
@@ -171,11 +174,16 @@ def _file(channel: MappedChannel | None) -> str:
 
 def _size(channel: MappedChannel, samples: FloatArray) -> Iterator[Contradiction]:
     """A channel whose size no vehicle has, where another unit makes it possible."""
-    bound = _LIMITS.get(channel.name) or max(map(abs, RANGES.get(channel.name, (math.inf,))))
+    si = channel.si
+    known = range_of(Channel(name=channel.name, unit=si)) or (math.inf,)
+    bound = (
+        _LIMITS.get(channel.name)
+        or _DRIVES.get(si if channel.name.startswith("motor_") else "")
+        or max(map(abs, known))
+    )
     peak = float(np.percentile(np.abs(samples), _MOSTLY))
     if not bound < peak < math.inf:
         return
-    si = STANDARD_UNITS[channel.name]
     written = channel.samples.unit or si
     fitting = _fitting_unit(peak / abs(_factor(channel.samples, si)), bound, written, channel, samples)
     yield (
@@ -187,17 +195,23 @@ def _size(channel: MappedChannel, samples: FloatArray) -> Iterator[Contradiction
 
 
 def _factor(samples: Series, si: str) -> float:
-    return samples.scale * parse_unit(samples.unit or si).factor
+    return samples.scale * factor_to(si, samples.unit)
 
 
 def _fitting_unit(number: float, bound: float, written: str, channel: MappedChannel, samples: FloatArray) -> str:
     """What to write so that numbers of such a size are possible; empty where nothing known does it."""
-    si = STANDARD_UNITS[channel.name]
-    if si == "1":
+    si = channel.si
+    bench = len(units_of(channel.name)) > 1
+    if si == "1" or bench:
         raw = samples / _factor(channel.samples, si)
         low, high = (float(np.percentile(raw, share)) for share in (1.0, _MOSTLY))
         if _PULSE_RANGE[0] <= low < high <= _PULSE_RANGE[1]:
-            return "offset = -1000.0 and scale = 0.001"
+            share = "offset = -1000.0 and scale = 0.001"
+            return f'unit = "us", or {share} for a share of 1000 to 2000 µs' if bench else share
+        if bench and si != "1":
+            return ""
+        if bench and 1.0 < number <= _DRIVES["V"]:
+            return 'unit = "V" for volts, or unit = "%" for percent'
         for factor, words in sorted(_SHARES.items(), reverse=True):
             if 0.05 < number * factor <= 1.2:
                 return words

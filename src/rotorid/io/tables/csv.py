@@ -90,7 +90,9 @@ def _scattered(
     return assemble({**values, **clocks}, mapping, source, findings)
 
 
-def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray]) -> None:
+def write_csv(
+    path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray], units: Mapping[str, str] | None = None
+) -> None:
     """Write a CSV log that `read` reads back, with seven significant digits, atomically.
 
     Parameters
@@ -101,6 +103,8 @@ def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray])
         Stamps in s, shape ``(samples,)``; written with ten digits.
     columns
         Name of a channel of the vocabulary to its samples in SI units, each of shape ``(samples,)``.
+    units
+        Name to unit of the samples, where that is another one that the channel may have (motors in ``V``).
 
     Raises
     ------
@@ -116,7 +120,8 @@ def write_csv(path: Path, time_s: FloatArray, columns: Mapping[str, FloatArray])
             )
         if np.shape(samples) != np.shape(time_s):
             raise ValueError(f"{name}: {np.shape(time_s)} time stamps for {np.shape(samples)} samples")
-    header = ",".join(["time [s]", *(f"{name} [{STANDARD_UNITS[name]}]" for name in columns)])
+    written = {**STANDARD_UNITS, **(units or {})}
+    header = ",".join(["time [s]", *(f"{name} [{written[name]}]" for name in columns)])
     row = ",".join(["%.10g", *["%.7g"] * len(columns)])
     values = zip(
         np.asarray(time_s).tolist(), *(np.asarray(samples).tolist() for samples in columns.values()), strict=True

@@ -15,7 +15,7 @@ import numpy as np
 
 from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, remark
-from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic, units_of
 from rotorid.errors import LogError, UsageError
 from rotorid.frames import earth_to_body, euler_from_quaternion
 from rotorid.io.tables.exporters import foreign_remedy
@@ -32,7 +32,7 @@ from rotorid.io.tables.mapping import (
 )
 from rotorid.io.tables.steps import describe_steps, processed
 from rotorid.typing import AnyArray, FloatArray
-from rotorid.units import UNITS_AND_ALIASES, parse_unit
+from rotorid.units import UNITS_AND_ALIASES, factor_to, parse_unit
 
 _COMMON_CLOCK = "clock"
 _FIRST = frozenset(channels[0] for channels in BODY_VECTORS.values())
@@ -255,7 +255,7 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
             needed="samples without gaps",
             remedy="leave the affected samples out, or fill them in before the file is read",
         )
-    factor = series.scale * parse_unit(series.unit or si).factor
+    factor = series.scale * factor_to(si, series.unit)
     return (vector + series.offset) * factor if series.offset else vector * factor
 
 
@@ -585,14 +585,16 @@ def _no_header(header: Sequence[str], file: str, *, named: bool = False) -> LogE
 
 
 def _check_unit(name: str, unit: str, cell: str, file: str) -> None:
-    needed = STANDARD_UNITS.get(name, "s")
+    needed = units_of(name) or ("s",)
     try:
-        found = parse_unit(unit).si if unit else needed
+        found = parse_unit(unit).si if unit else needed[0]
     except UsageError as error:
         raise UsageError(f"{file}, column {cell!r}: {error.came}", needed=error.needed, remedy=error.remedy) from error
-    if found != needed:
+    if found not in {parse_unit(one).si for one in needed}:
         raise UsageError(
-            f"{file}, column {cell!r} has the unit {unit!r}", needed=f"a unit of {needed}", remedy="correct the header"
+            f"{file}, column {cell!r} has the unit {unit!r}",
+            needed=f"a unit of {' or '.join(needed)}",
+            remedy="correct the header",
         )
 
 

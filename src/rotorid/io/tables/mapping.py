@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
 from typing import Any, cast, get_args
 
-from rotorid.data.record import AXES, STANDARD_UNITS, Kind
+from rotorid.data.record import AXES, STANDARD_UNITS, Kind, units_of
 from rotorid.errors import UsageError
 from rotorid.frames import BodyFrame, SignedAngles, WorldFrame, signed_angles, signed_axes
 from rotorid.io.documents import DocumentError, parse_toml, read_text
@@ -112,8 +112,8 @@ class MappedChannel:
 
     @property
     def si(self) -> str:
-        """SI unit: that of the vocabulary, or of the unit that a name outside of it came with."""
-        return STANDARD_UNITS.get(self.name) or parse_unit(self.samples.unit).si
+        """Unit in the record: that of the vocabulary or, where it has a choice or none, that of what was written."""
+        return measured_unit(self.name, self.samples.unit) or parse_unit(self.samples.unit).si
 
     def of_experiment(self, name: str) -> MappedChannel:
         """The same channel in one of several experiments."""
@@ -238,6 +238,21 @@ class ChannelMapping:
                 attitude=self.attitude and self.attitude.of_experiment(name),
                 experiments=None,
             )
+
+
+def measured_unit(name: str, written: str) -> str:
+    """Unit in which a record holds a channel that a file has in a unit; empty where it measures something else.
+
+    Examples
+    --------
+    >>> measured_unit("motor_1", "ms"), measured_unit("motor_1", ""), measured_unit("phi", "deg")
+    ('us', '1', 'rad')
+    >>> measured_unit("phi", "V")
+    ''
+    """
+    known = units_of(name)
+    si = parse_unit(written).si if written else ""
+    return known[0] if known and not si else next((unit for unit in known if parse_unit(unit).si == si), "")
 
 
 _SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
@@ -397,7 +412,7 @@ def _clock(value: object, where: str) -> Clock:
     key = next(iter(values))
     series = table(values[key], f"{where} {key}")
     only_keys(series, _CLOCK_SERIES_KEYS, f"{where} {key}")
-    found = read_series(series, f"{where} {key}", si="s")
+    found = read_series(series, f"{where} {key}", si=("s",))
     return Clock(time=found) if key == "time" else Clock(steps=found)
 
 
@@ -544,7 +559,7 @@ def _read_channel(name: str, value: object, frames: Frames, where: str) -> Mappe
     if name not in STANDARD_UNITS:
         _check_own_name(name, values, where)
     series = replace(
-        read_series(values, where, si=STANDARD_UNITS.get(name, "")),
+        read_series(values, where, si=units_of(name)),
         file=file_below(values, where),
         **_steps(values, where),
     )
@@ -603,7 +618,7 @@ def _read_vector(
     return tuple(found), None
 
 
-def read_series(values: Mapping[str, Any], where: str, *, si: str) -> Series:
+def read_series(values: Mapping[str, Any], where: str, *, si: Sequence[str]) -> Series:
     """The keys ``source``, ``unit``, ``scale``, ``offset`` and ``row`` or ``column``."""
     row, column = index(values, "row", where), index(values, "column", where)
     if row is not None and column is not None:
@@ -635,7 +650,7 @@ def _scale(values: Mapping[str, Any], where: str) -> float:
 def _parts(values: Mapping[str, Any], count: int, si: str, where: str) -> tuple[Series, ...]:
     """The components in the order of the file: variables of their own, or rows or columns of a matrix."""
     common = Series(
-        source="", unit=unit(values, "unit", si, where), scale=_scale(values, where), file=file_below(values, where)
+        source="", unit=unit(values, "unit", (si,), where), scale=_scale(values, where), file=file_below(values, where)
     )
     if ("sources" in values) == ("source" in values):
         raise UsageError(
@@ -682,7 +697,7 @@ def _own_time(values: Mapping[str, Any], where: str) -> Series | None:
         return None
     return Series(
         source=text(values, "time", where),
-        unit=unit(values, "time_unit", "s", where),
+        unit=unit(values, "time_unit", ("s",), where),
         file=file_below(values, where),
     )
 
@@ -803,7 +818,7 @@ def choice(values: Mapping[str, Any], key: str, known: Sequence[str], default: s
     return str(value)
 
 
-def unit(values: Mapping[str, Any], key: str, si: str, where: str) -> str:
+def unit(values: Mapping[str, Any], key: str, si: Sequence[str], where: str) -> str:
     """A unit that measures what it should, or the empty text where the key is missing.
 
     Parameters
@@ -811,7 +826,7 @@ def unit(values: Mapping[str, Any], key: str, si: str, where: str) -> str:
     values, key, where
         The table, the key in it, and what the messages call the table.
     si
-        SI unit of the quantity; empty when any known unit will do.
+        Units of the quantity; empty when any known unit will do.
     """
     if key not in values:
         return ""
@@ -820,9 +835,11 @@ def unit(values: Mapping[str, Any], key: str, si: str, where: str) -> str:
         measured = parse_unit(found).si
     except UsageError as error:
         raise UsageError(f"{where} `{key}`: {error.came}", needed=error.needed, remedy=error.remedy) from error
-    if si and measured != si:
+    if si and measured not in {parse_unit(one).si for one in si}:
         raise UsageError(
-            f"{where} `{key}` is {found!r}", needed=f"a unit of {si}", remedy="correct the unit or the channel name"
+            f"{where} `{key}` is {found!r}",
+            needed=f"a unit of {' or '.join(si)}",
+            remedy="correct the unit or the channel name",
         )
     return found
 
