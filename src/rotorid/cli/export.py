@@ -15,6 +15,7 @@ from rotorid.cli.options import Output
 from rotorid.data.display import counted
 from rotorid.errors import UsageError
 from rotorid.exports.settings import DrawSettings, ExportSettings, TargetSettings
+from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
     from rotorid.documents.export import ComparedDocument, DrawsDocument, ExportDocument
@@ -33,6 +34,9 @@ def export_command(
     *,
     what: TargetSettings,
     form: Annotated[dict[str, Any], ExportSettings],
+    no_delay: Annotated[
+        bool, Option("--no-delay", "Leave delays out: margins of the files are too large.", "What is written")
+    ] = False,
     drawn: DrawSettings,
     output: Output,
 ) -> None:
@@ -43,7 +47,7 @@ def export_command(
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind
 
-    choices = _settings(form)
+    choices = _settings(form, no_delay=no_delay)
     default = default_folder(results, f"export-{what.to}")
     target = target_folder(output.out, default, result_kind(FILE), force=output.force)
     with progress(quiet=output.quiet):
@@ -62,11 +66,19 @@ def export_command(
         _print(document, made.folder, verbose=output.verbose)
 
 
-def _settings(given: dict[str, Any]) -> ExportSettings:
-    """The chosen settings: a Padé order turns delays into states."""
-    if "pade_order" in given:
-        if "delay" in given:
-            raise UsageError("--delay-as-lag and --pade exclude each other", remedy="give one of them")
+def _settings(given: dict[str, Any], *, no_delay: bool) -> ExportSettings:
+    """The chosen settings: one answer to what becomes of delays."""
+    flags = {
+        "--no-delay": no_delay,
+        "--delay-as-lag": given.get("delay") is not None,
+        "--pade": given.get("pade_order") is not None,
+    }
+    named = [name for name, was_given in flags.items() if was_given]
+    if len(named) > 1:
+        raise UsageError(f"{' and '.join(named)} exclude each other", remedy="give one of them")
+    if no_delay:
+        given["delay"] = "none"
+    elif flags["--pade"]:
         given["delay"] = "states"
     return ExportSettings(**given)
 
@@ -109,15 +121,24 @@ def _document(
 ) -> ExportDocument:
     from rotorid.data.findings import worst_first
     from rotorid.documents.base import FindingDocument
-    from rotorid.documents.export import ComparedDocument, ExportDocument, file_documents, finite, number_documents
+    from rotorid.documents.export import (
+        ComparedDocument,
+        ExportDocument,
+        KeptDelaysDocument,
+        file_documents,
+        finite,
+        number_documents,
+    )
+    from rotorid.exports.targets import target_named
 
     findings = worst_first([*vehicle.findings, *exported.findings])
     return ExportDocument(
         target=exported.target,
         name=choices.names,
         results=[model.name for model in vehicle.models],
-        delay=choices.delay,
-        pade_order=choices.pade_order if choices.delay == "states" else None,
+        delay=choices.delay or ("none" if target_named(exported.target).scale else choices.model_delay),
+        pade_order=max((kept.pade_order for kept in exported.delays.values() if kept.pade_order), default=None),
+        delays={name: KeptDelaysDocument.model_validate(kept) for name, kept in exported.delays.items()},
         sample_rate_hz=choices.sample_rate_hz,
         files=file_documents(files),
         quantities=[

@@ -102,7 +102,7 @@ HELP: Mapping[str, CommandHelp] = MappingProxyType(
                 "example-px4/model --to matlab --out matlab",
                 "example-px4/model --to px4-sih --set m=1 --set arm=0.283 --set I_zz=0.03 --set kappa=0.02",
             ),
-            "--to --set --layout --name --delay-as-lag --pade --sample-rate --draws --out --verbose",
+            "--to --set --layout --name --delay-as-lag --no-delay --sample-rate --draws --out --verbose",
             MappingProxyType({"--to": "--to json"}),
         ),
         "fleet": CommandHelp(

@@ -51,6 +51,16 @@ class ComparedDocument(Document):
     identified_std: float | None = None
 
 
+class KeptDelaysDocument(Document):
+    """Delays of a model: the longest, how they are exported, and the phase error of their Padé approximations."""
+
+    longest_s: float
+    kept: Literal["states", "lag", "none"]
+    pade_order: int | None = None
+    phase_error_deg: float | None = None
+    up_to_rad_s: float | None = None
+
+
 class DrawsDocument(Document):
     """Vehicles drawn from the covariance: a folder each in ``draws``; ``redrawn`` draws were none."""
 
@@ -60,7 +70,10 @@ class DrawsDocument(Document):
 
 
 class ExportDocument(Document):
-    """``export.json``: target, files, the round trip, where every number comes from, and what was left out."""
+    """``export.json``: target, files, the round trip, where every number comes from, and what was left out.
+
+    ``pade_order`` is the highest of the models; ``delays`` has that of each.
+    """
 
     schema_name: Annotated[Literal["rotorid.export/1"], Field(alias="schema")] = "rotorid.export/1"
     target: str
@@ -68,6 +81,7 @@ class ExportDocument(Document):
     results: list[str]
     delay: Literal["states", "lag", "none"]
     pade_order: int | None = None
+    delays: dict[str, KeptDelaysDocument] = Field(default_factory=dict)
     sample_rate_hz: float | None = None
     files: list[FileDocument]
     quantities: list[ComparedDocument]
@@ -89,7 +103,7 @@ class CovarianceDocument(Document):
 
 
 class StateSpaceDocument(Document):
-    """The model without delays: ``x' = A x + B u``, or the next sample of a sampled one, and ``y = C x + D u``."""
+    """The model, delays as states by default: ``x' = A x + B u``, or the next sample, and ``y = C x + D u``."""
 
     sample_time_s: float | None = None
     states: list[str]

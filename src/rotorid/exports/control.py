@@ -19,6 +19,7 @@ from rotorid.exports.state_space import (
     description,
     early,
     headed,
+    kept_delays,
     measured,
     named_models,
 )
@@ -63,6 +64,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
             f"control.bode_plot({first}); print(control.stability_margins({first}[0, 0]))"
         ),
         findings=early(models),
+        delays=kept_delays(models, choices),
     )
 
 

@@ -40,7 +40,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.exports.mujoco import own_slopes
-from rotorid.exports.px4_sih import delay_steps, lag_of
+from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import DELAY, compared, hover_air, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.state_space import (
@@ -52,9 +52,10 @@ from rotorid.exports.state_space import (
     early,
     harmless,
     headed,
+    kept_delays,
     named_models,
 )
-from rotorid.exports.target import Compared, Exported
+from rotorid.exports.target import Compared, Exported, Fidelity
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
@@ -102,8 +103,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     vehicle
         With the models that it was joined from; of unknown scale too.
     choices
-        Delays of models as states, as lags or left out; the rate of sampled ones. The vehicle has its delay as whole
-        steps, or as a part of the lag.
+        Delays of models as states, as lags or left out; the rate of sampled ones. The vehicle has its delay as past
+        outputs, or as a part of the lag.
 
     Raises
     ------
@@ -136,6 +137,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
             f"fmpy simulate {names[0]}    or import it as a co-simulation FMU in Simulink, Dymola, OpenModelica"
         ),
         findings=early(models),
+        delays=kept_delays(models, choices),
     )
 
 
@@ -158,14 +160,16 @@ def _linear(model: NamedModel) -> _Unit:
 
 def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings) -> _Unit:
     motors, air = body.rotors.layout.motor_names, hover_air(body)
+    steps, share = divmod(round(_delay_s(vehicle, choices) / STEP_S, 9), 1.0)
     sizes = {
         "ROTORS": len(motors),
         "INPUTS": len(motors) + len(WINDS),
         "OUTPUTS": len(OUTPUTS),
-        "DELAY_STEPS": delay_steps(vehicle, choices, step_s=STEP_S),
+        "DELAY_STEPS": int(steps),
     }
     scalars = {
         "STEP_S": STEP_S,
+        "DELAY_SHARE": share,
         "MASS": body.mass_kg,
         "GRAVITY": STANDARD_GRAVITY_M_S2,
         "LAG_S": lag_of(vehicle, choices) or 0.0,
@@ -191,16 +195,22 @@ def _vehicle(name: str, vehicle: JoinedVehicle, body: Multirotor, choices: Expor
     )
 
 
+def _delay_s(vehicle: JoinedVehicle, choices: ExportSettings) -> float:
+    """By which the vehicle's outputs are late; none where the lag holds the delay, or where it is left out."""
+    late = vehicle.numbers.get(DELAY)
+    return 0.0 if late is None or choices.model_delay != "states" else max(late.value, 0.0)
+
+
 def _delay_remarks(vehicle: JoinedVehicle, choices: ExportSettings) -> list[str]:
     """How the delay of the vehicle is exported, and what is missing, in sentences."""
     remarks, late = [], vehicle.numbers.get(DELAY)
     if late is not None and late.value > 0.0:
-        remarks.append(
-            f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is part of its lag."
-            if choices.delay == "lag"
-            else f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is "
-            f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms."
-        )
+        how = {
+            "lag": "part of its lag",
+            "none": "left out (--no-delay)",
+            "states": f"exact, in steps of {1e3 * STEP_S:g} ms",
+        }
+        remarks.append(f"The delay of the vehicle, {1e3 * late.value:.2g} ms, is {how[choices.model_delay]}.")
     if "T_motor" not in vehicle.numbers:
         remarks.append("The lag of the motors is not identified.")
     return remarks + lost_air(vehicle)
@@ -244,10 +254,13 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, header: str, choices: Ex
         _read(header, "HOVER"),
         lag_s=float(_read(header, "LAG_S")[0]) or None,
     )
-    rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
+    rows = compared(vehicle, identified, exported, {}, delay=choices.model_delay == "lag")
     rows += in_flight(vehicle, body, lambda x, v, w: vehicle_accelerations(header, x, v, w), _read(header, "HOVER"))
-    late_s = float(_read(header, "DELAY_STEPS")[0]) * STEP_S
-    return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
+    if choices.model_delay == "none":
+        return rows
+    late_s = float(_read(header, "DELAY_STEPS")[0] + _read(header, "DELAY_SHARE")[0]) * STEP_S
+    held: Fidelity = "exact" if choices.model_delay == "states" else "approximated"
+    return tuple(replace(row, exported=late_s, held=held) if row.name == DELAY else row for row in rows)
 
 
 # The files

@@ -14,7 +14,7 @@ import numpy as np
 
 from rotorid.errors import ModelError, UsageError
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.state_space import air_words
+from rotorid.exports.state_space import NamedModel, air_words, kept_delays, named_model, pade_words
 from rotorid.exports.target import Compared, Exported
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NAME = "json"
 
 _DELAYS: Mapping[str, str] = {
-    "none": "is without delays",
+    "none": "is without delays (--no-delay)",
     "states": "has delays as states",
     "lag": "has delays as lags",
 }
@@ -56,32 +56,42 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
             "no model to export" if not names else f"two results of {max(names, key=names.count)}",
             needed="results of different models",
         )
-    spaces = [_state_space(model, choices) for model in vehicle.models]
-    documents = [model_document(model, space) for model, space in zip(vehicle.models, spaces, strict=True)]
+    proper = [_proper(model, choices) for model in vehicle.models]
+    documents = [
+        model_document(model, None if item is None else _state_space(item))
+        for model, item in zip(vehicle.models, proper, strict=True)
+    ]
     text = to_json(models_document(vehicle, documents))
-    improper = [name for name, space in zip(names, spaces, strict=True) if space is None]
+    named = [item for item in proper if item is not None]
+    improper = [name for name, item in zip(names, proper, strict=True) if item is None]
+    approximated = choices.model_delay == "states" and choices.sample_rate_hz is None
     return Exported(
         target=NAME,
         files={f"{choices.names}.json": text},
         compared=tuple(_compared(vehicle.models, json.loads(text))),
         left_out=(
-            f"The state space {_DELAYS[choices.delay]}; delays_s has the exact values.",
+            f"The state space {_DELAYS[choices.model_delay]}; delays_s has the exact values.",
+            *(pade_words(named) if approximated else ()),
             *(f"{name} has no proper state space; only its matrices are exported." for name in improper),
             *air_words(vehicle.models),
         ),
         start=f"import json; models = json.load(open('{choices.names}.json'))['models']",
+        delays=kept_delays(named, choices),
     )
 
 
-def _state_space(model: IdentifiedModel, choices: ExportSettings) -> StateSpaceDocument | None:
-    from rotorid.documents.export import StateSpaceDocument
-
+def _proper(model: IdentifiedModel, choices: ExportSettings) -> NamedModel | None:
+    """A model with its state space; ``None`` where it has no proper one."""
     try:
-        found = model.rational(
-            delays=choices.delay, pade_order=choices.pade_order, sample_rate_hz=choices.sample_rate_hz
-        )
+        return named_model(model, choices)
     except ModelError:
         return None
+
+
+def _state_space(item: NamedModel) -> StateSpaceDocument:
+    from rotorid.documents.export import StateSpaceDocument
+
+    found = item.exported
     return StateSpaceDocument(
         sample_time_s=found.sample_time_s,
         states=list(found.states),

@@ -1,7 +1,7 @@
 r"""MATLAB and Octave: a ``.mat`` file, and a script that makes the models of literals alone.
 
 MATLAB has delays of its own, which a continuous model keeps exactly. Octave has none: there each becomes a Padé
-approximation of the order that stands in the script, or nothing. Where parameters have standard deviations and MATLAB
+approximation of the order that stands in the script. Where parameters have standard deviations and MATLAB
 has the Robust Control Toolbox, the script also makes an uncertain model of the same equations,
 
 .. math:: M \dot x = F x + G u, \qquad y = H_0 x + H_1 \dot x
@@ -31,8 +31,10 @@ from rotorid.exports.state_space import (
     early,
     harmless,
     headed,
+    kept_delays,
     measured,
     named_models,
+    pade_words,
 )
 from rotorid.exports.target import Exported
 from rotorid.simulation.rational_model import input_output_delays
@@ -59,8 +61,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     vehicle
         With the models that it was joined from; of unknown scale too.
     choices
-        ``delay="lag"`` makes lags of delays; otherwise MATLAB keeps them, and Octave has states for them with
-        ``delay="states"``. Of a sampled model delays are memory of past inputs, or left out.
+        By default MATLAB keeps delays, and Octave has states for them; ``delay="lag"`` makes lags of them in both, and
+        ``delay="none"`` leaves them out. Of a sampled model delays are memory of past inputs.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         )
     own = own_delays(choices)
     rows = compared_models(models, choices, own_delays=own)
-    sentences = _own_delay_words(models, choices) if own else delay_words(models, choices)
+    sentences = _own_delay_words(models) if own else delay_words(models, choices)
     sentences += air_words(vehicle.models)
     title = f"{choices.names}: identified models for MATLAB and Octave, by rotorid"
     head = headed(title, rows, sentences)
@@ -90,44 +92,29 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         start=(
             f"{choices.names}    in MATLAB (Control System Toolbox) or Octave (package control) makes "
             f"{', '.join(model.name for model in models)}\n"
-            f"bode({models[0].name})\n"
+            f"bode({models[0].name})    in Simulink: an LTI System block with {models[0].name}\n"
             f"data = load('{choices.names}.mat')    has matrices, delays, parameters and their covariance"
         ),
         findings=early(models),
+        delays=kept_delays(models, choices),
     )
 
 
 def own_delays(choices: ExportSettings) -> bool:
     """Whether delays are kept as delays."""
-    return choices.sample_rate_hz is None and choices.delay != "lag"
+    return choices.sample_rate_hz is None and choices.model_delay == "states"
 
 
-def _own_delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[str]:
-    late = [model for model in models if model.delays_s.any()]
-    if not late:
-        return []
-    if choices.delay == "none":
-        return ["Octave has no delays: set pade_order in the script, or add --pade N. MATLAB keeps them exactly."]
-    return [
-        f"In Octave, delays are Padé approximations of order {choices.pade_order} (exact in MATLAB). Largest change "
-        "of the "
-        "response:",
-        *(f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late),
-    ]
+def _own_delay_words(models: Sequence[NamedModel]) -> list[str]:
+    words = pade_words(models)
+    return ["MATLAB keeps delays exactly. In Octave they are Padé approximations:", *words] if words else []
 
 
 # The script
 
 
 def _script(models: Sequence[NamedModel], choices: ExportSettings, head: Sequence[str]) -> str:
-    order = choices.pade_order if choices.delay == "states" else 0
     lines = [*_comment(head), f"if {_OCTAVE}", "  pkg load control", "end"]
-    if own_delays(choices):
-        lines += [
-            "",
-            "% Of the delays in Octave, which has none of its own; 0 leaves them out.",
-            f"pade_order = {order};",
-        ]
     for model in models:
         lines += ["", *_model(model, choices)]
     return "\n".join(lines) + "\n"
@@ -154,6 +141,8 @@ def _model(model: NamedModel, choices: ExportSettings) -> Iterator[str]:
         )
     else:
         before, behind = input_output_delays(model.model.system)
+        yield "% Of the delays in Octave, which has none of its own; 0 leaves them out."
+        yield f"pade_order = {model.pade_order};"
         yield f"input_delay = {_matrix(before[:, None])};"
         yield f"output_delay = {_matrix(behind[:, None])};"
         late = ", 'InputDelay', input_delay, 'OutputDelay', output_delay"
@@ -325,7 +314,7 @@ def _struct(item: NamedModel, choices: ExportSettings) -> Mapping[str, Any]:
             "model": model.name,
             "logs": _cell([str(name).replace("\\", "/").split("/")[-1] for name in model.provenance.inputs]),
             "axes": "forward, right, down",
-            "delays": "own" if own else choices.delay,
+            "delays": "own" if own else choices.model_delay,
             "version": __version__,
         },
     }

@@ -364,6 +364,8 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: Expo
     rows = compared(vehicle, identified, exported, {}, delay=choices.delay == "lag")
     rows += in_flight(vehicle, body, accelerations, body.hover_shares, drag="exact", lift="exact")
     late_s = delay_steps(vehicle, choices, step_s=STEP_S) * STEP_S
+    if choices.delay == "none":
+        return rows
     return tuple(replace(row, exported=late_s, held="approximated") if row.name == DELAY else row for row in rows)
 
 
@@ -373,6 +375,8 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, choices: ExportSettings)
     remarks = full_thrust_words("the tangent at hover, within that of no and of full output", line, full)
     steps = f"{delay_steps(vehicle, choices, step_s=STEP_S)} steps of {1e3 * STEP_S:g} ms"
     words = f"The delay of {{}} is in the loop as {steps}, and not in the model."
+    if choices.delay == "none":
+        words = "The delay of {} is left out (--no-delay)."
     remarks += delay_words(vehicle, words, as_lag=choices.delay == "lag")
     if np.any(body.aerodynamics) or body.body().has_air:
         remarks.append("Drag and damping are in the loop and not in the model.")

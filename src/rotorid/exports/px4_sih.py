@@ -250,9 +250,9 @@ def lag_of(vehicle: JoinedVehicle, choices: ExportSettings) -> float | None:
 
 
 def delay_steps(vehicle: JoinedVehicle, choices: ExportSettings, *, step_s: float) -> int:
-    """Whole steps of a simulator by which the commands are late; none where the lag holds the delay."""
+    """Whole steps of a simulator by which commands are late; none where the lag holds the delay, or nothing does."""
     late = vehicle.numbers.get("delay")
-    return 0 if late is None or choices.delay == "lag" else max(round(late.value / step_s), 0)
+    return 0 if late is None or choices.delay in ("lag", "none") else max(round(late.value / step_s), 0)
 
 
 def _time_constant(lag_s: float) -> float:

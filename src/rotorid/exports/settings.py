@@ -20,6 +20,8 @@ _LONGEST_NAME = 40
 _HIGHEST_ORDER = 10
 """Of a Padé approximation."""
 
+_FLAGS = {"lag": "--delay-as-lag", "none": "--no-delay"}
+
 _MOST_DRAWS = 10_000
 
 
@@ -56,10 +58,12 @@ class ExportSettings(Immutable):
     names
         What the vehicle is called in files: letters, digits and underscores, a letter first.
     delay
-        The delay from output to motion: as states by a Padé approximation, as a lag, or left out. Simulators of
-        vehicles know a lag alone, to which it is then added; those without a lag refuse it.
+        The delay from output to motion: as states by a Padé approximation, as a lag, or left out. By default
+        linear models have states, and simulators of vehicles what they can hold. These know a lag alone, to which it
+        is then added; those without a lag refuse it.
     pade_order
-        Order of the approximation.
+        Order of the approximation; by default one whose phase is right up to the crossover and the end of the band,
+        see :func:`rotorid.simulation.rational_model.sufficient_order`.
     sample_rate_hz
         Discrete state spaces at this rate; continuous without it.
 
@@ -71,20 +75,20 @@ class ExportSettings(Immutable):
 
     names: Annotated[str, Option("--name", "Name of the vehicle.", "What is written", metavar="NAME")] = "vehicle"
     delay: Annotated[
-        Literal["states", "lag", "none"],
+        Literal["states", "lag", "none"] | None,
         Option(
             "--delay-as-lag", "Add the delay to the lag, for targets without delay.", "What is written", gives="lag"
         ),
-    ] = "none"
+    ] = None
     pade_order: Annotated[
-        int,
+        int | None,
         Option(
             "--pade",
-            "Order of a Padé approximation, to keep delays as states.",
+            "Order of the Padé approximations of delays. [default: phase right to 0.01 deg over the band and at "
+            "crossovers]",
             "What is written",
-            hidden_default=True,
         ),
-    ] = 3
+    ] = None
     sample_rate_hz: Annotated[
         float | None, Option("--sample-rate", "Rate of discrete state spaces. [default: continuous]", "What is written")
     ] = None
@@ -98,11 +102,18 @@ class ExportSettings(Immutable):
                 remedy="choose another with --name",
             )
         require_words(self)
-        if not 1 <= self.pade_order <= _HIGHEST_ORDER:
+        if self.pade_order is not None and not 1 <= self.pade_order <= _HIGHEST_ORDER:
             raise UsageError(f"--pade {self.pade_order} is out of range", needed=f"an order from 1 to {_HIGHEST_ORDER}")
+        if self.pade_order is not None and self.delay not in (None, "states"):
+            raise UsageError(f"--pade has no effect with {_FLAGS[self.delay]}", remedy="give one of them")
         rate = self.sample_rate_hz
         if rate is not None and not (math.isfinite(rate) and rate > 0.0):
             raise UsageError(f"--sample-rate {rate:g} is not positive", needed="a positive number")
+
+    @property
+    def model_delay(self) -> Literal["states", "lag", "none"]:
+        """What becomes of delays in linear models: states, where nothing was chosen."""
+        return self.delay or "states"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +124,8 @@ class TargetSettings(Immutable):
         str,
         Option(
             "--to",
-            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab, control, fmu or json.",
+            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, matlab (Simulink, Octave), control (python-control), "
+            "fmu (Simulink, Modelica) or json.",
             "What is written",
             Text("TARGET", parse_target),
             words=tuple(TARGETS),

@@ -1,6 +1,6 @@
 r"""What all targets of linear models share: the models without delays, their names, and what is held of them.
 
-A tool that has no delays of its own gets them as states, as lags, or not at all
+A tool that has no delays of its own gets them as states, unless lags or none at all were asked for
 (:mod:`rotorid.simulation.rational_model`). The round trip is that of the matrices as they are written: the largest gain
 in the middle of the band that was fitted, the fastest pole, and the delay that the exported model has at the upper end
 of the band,
@@ -24,16 +24,19 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, warn
 from rotorid.errors import UsageError
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Fidelity, table_lines
-from rotorid.simulation.rational_model import RationalModel, delay_error
+from rotorid.exports.target import Compared, Fidelity, KeptDelays, table_lines
+from rotorid.simulation.rational_model import (
+    USUAL_BAND_RAD_S,
+    RationalModel,
+    pade_phase_error,
+    right_up_to,
+    sufficient_order,
+)
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.results.model import IdentifiedModel
-
-USUAL_BAND_RAD_S = (1.0, 50.0)
-"""Where a model was not fitted to responses."""
 
 LONGEST_NAME = 31
 """Of a variable in a file of MATLAB."""
@@ -53,12 +56,18 @@ class NamedModel(Immutable):
         Without delays, continuous.
     exported
         As it was chosen: with delays as states, as lags or without them, continuous or sampled.
+    pade_order
+        Of the approximations of its delays as states.
+    right_up_to_rad_s
+        Frequency up to which their phase matters.
     """
 
     name: str
     model: IdentifiedModel
     plant: RationalModel
     exported: RationalModel
+    pade_order: int
+    right_up_to_rad_s: float
 
     @property
     def band_rad_s(self) -> tuple[float, float]:
@@ -71,9 +80,9 @@ class NamedModel(Immutable):
         return np.geomspace(0.1 * self.band_rad_s[1], self.band_rad_s[1], 50)
 
     @property
-    def error(self) -> float:
-        """Largest relative difference to the model with its delays, up to the end of the band."""
-        return delay_error(self.model.system, self.exported, self.omega_rad_s)
+    def pade_error_deg(self) -> float:
+        """Largest error of the phase of a response by the approximation of its delays."""
+        return math.degrees(pade_phase_error(self.model.system, self.pade_order, self.right_up_to_rad_s))
 
     @property
     def delays_s(self) -> FloatArray:
@@ -101,17 +110,7 @@ def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[Named
     """
     if not vehicle.models:
         raise UsageError("no model to export", needed="a result of identify with a model")
-    named = [
-        NamedModel(
-            name=variable_name(model.name),
-            model=model,
-            plant=model.rational(delays="none"),
-            exported=model.rational(
-                delays=choices.delay, pade_order=choices.pade_order, sample_rate_hz=choices.sample_rate_hz
-            ),
-        )
-        for model in vehicle.models
-    ]
+    named = [named_model(model, choices) for model in vehicle.models]
     names = [model.name for model in named]
     for model in named:
         if names.count(model.name) > 1:
@@ -121,6 +120,26 @@ def named_models(vehicle: JoinedVehicle, choices: ExportSettings) -> tuple[Named
                 remedy="export them one by one",
             )
     return tuple(named)
+
+
+def named_model(model: IdentifiedModel, choices: ExportSettings) -> NamedModel:
+    """A model as it is exported.
+
+    Raises
+    ------
+    ModelError
+        It has no proper state space.
+    """
+    top = right_up_to(model.system, model.band_rad_s)
+    order = choices.pade_order or sufficient_order(model.system, top)
+    return NamedModel(
+        name=variable_name(model.name),
+        model=model,
+        plant=model.rational(delays="none"),
+        exported=model.rational(delays=choices.model_delay, pade_order=order, sample_rate_hz=choices.sample_rate_hz),
+        pade_order=order,
+        right_up_to_rad_s=top,
+    )
 
 
 def variable_name(name: str) -> str:
@@ -152,7 +171,7 @@ def _rows(model: NamedModel, choices: ExportSettings, *, own_delays: bool) -> It
     sampled: Fidelity = "exact" if exported.sample_time_s is None else "approximated"
     gain, now = np.abs(system.response(np.array([middle]))), np.abs(exported.response(np.array([middle])))
     at = np.unravel_index(int(gain.argmax()), gain.shape)
-    fidelity: Fidelity = "approximated" if choices.delay == "lag" else sampled
+    fidelity: Fidelity = "approximated" if choices.model_delay == "lag" else sampled
     label = f"{model.model.name}: gain at {middle:.3g} rad/s"
     yield Compared(name=label, unit="1", identified=float(gain[at]), exported=float(now[at]), held=fidelity)
     count = len(model.plant.A)
@@ -179,7 +198,7 @@ def _delay_row(model: NamedModel, choices: ExportSettings, *, own_delays: bool) 
     fidelity: Fidelity
     if own_delays:
         now_s, fidelity = late_s, "exact"
-    elif choices.delay == "none":
+    elif choices.model_delay == "none":
         now_s, fidelity = 0.0, "not"
     else:
         without = model.model.rational(delays="none", sample_rate_hz=choices.sample_rate_hz)
@@ -210,18 +229,40 @@ def delay_words(models: Sequence[NamedModel], choices: ExportSettings) -> list[s
     late = [model for model in models if model.delays_s.max(initial=0.0) > _NOTHING_S]
     if not late:
         return []
-    worst = 1e3 * max(float(model.delays_s.max()) for model in late)
-    if choices.delay == "none":
-        return [f"Delays of up to {worst:.3g} ms are lost; add --pade N to keep them as states, or --delay-as-lag."]
-    if choices.delay == "states" and choices.sample_rate_hz is not None:
+    if choices.model_delay == "none":
+        worst = 1e3 * max(float(model.delays_s.max()) for model in late)
+        return [f"Delays of up to {worst:.3g} ms are left out (--no-delay): margins are too large."]
+    if choices.model_delay == "lag":
+        return ["Delays are lags (--delay-as-lag): the phase is right at low frequencies only."]
+    if choices.sample_rate_hz is not None:
         return ["Delays are exact, as memory of past inputs."]
-    how = "lags" if choices.delay == "lag" else f"states, by Padé approximations of order {choices.pade_order}"
-    remarks = [f"Delays are {how}. Largest change of the response:"]
-    if choices.sample_rate_hz is None:
-        remarks += [f"{model.model.name}: {model.error:.2g} up to {model.band_rad_s[1]:.3g} rad/s." for model in late]
-    else:
-        remarks = [f"Delays are {how}."]
-    return remarks
+    return ["Delays are states, by Padé approximations:", *pade_words(late)]
+
+
+def pade_words(models: Sequence[NamedModel]) -> list[str]:
+    """Order, error of the phase and range of the Padé approximations of each model with a delay."""
+    return [
+        f"{model.model.name}: order {model.pade_order}, phase error {model.pade_error_deg:.2g} deg up to "
+        f"{model.right_up_to_rad_s:.3g} rad/s."
+        for model in models
+        if model.delays_s.max(initial=0.0) > _NOTHING_S
+    ]
+
+
+def kept_delays(models: Sequence[NamedModel], choices: ExportSettings) -> dict[str, KeptDelays]:
+    """What became of the delays of each model that has some, by its name."""
+    approximated = choices.model_delay == "states" and choices.sample_rate_hz is None
+    return {
+        model.model.name: KeptDelays(
+            longest_s=float(model.delays_s.max()),
+            kept=choices.model_delay,
+            pade_order=model.pade_order if approximated else None,
+            phase_error_deg=model.pade_error_deg if approximated else None,
+            up_to_rad_s=model.right_up_to_rad_s if approximated else None,
+        )
+        for model in models
+        if model.delays_s.max(initial=0.0) > _NOTHING_S
+    }
 
 
 def air_words(models: Iterable[IdentifiedModel]) -> list[str]:

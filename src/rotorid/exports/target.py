@@ -72,6 +72,29 @@ class Compared(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class KeptDelays(Immutable):
+    """What became of the delays of a linear model.
+
+    Parameters
+    ----------
+    longest_s
+        The longest of a response.
+    kept
+        As ``states``, as a ``lag``, or ``none``.
+    pade_order
+        Of the approximations; ``None`` where there are none.
+    phase_error_deg, up_to_rad_s
+        Their largest error, and up to which frequency: the highest crossover, or the end of the band.
+    """
+
+    longest_s: float
+    kept: Literal["states", "lag", "none"]
+    pade_order: int | None = None
+    phase_error_deg: float | None = None
+    up_to_rad_s: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Exported(Immutable):
     """A vehicle in the files of another tool.
 
@@ -91,6 +114,8 @@ class Exported(Immutable):
         How to start the other tool with the files.
     findings
         Remarks.
+    delays
+        Of linear models, by their names.
 
     Raises
     ------
@@ -105,9 +130,10 @@ class Exported(Immutable):
     left_out: tuple[str, ...] = ()
     start: str = ""
     findings: tuple[Finding, ...] = ()
+    delays: Mapping[str, KeptDelays] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(files=self.files, defaults=self.defaults)
+        self._set(files=self.files, defaults=self.defaults, delays=self.delays)
         for compared in self.compared:
             if compared.held == "exact" and not abs(compared.difference_percent) <= EXACT_PERCENT:
                 raise ModelError(

@@ -46,7 +46,7 @@ TARGETS: Mapping[str, Target] = {
         Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),
         Target(name="rotorpy", summary="RotorPy: a Python file with its parameters", module="rotorpy"),
         Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf", lag=False),
-        Target(name="matlab", summary="MATLAB and Octave: .mat and a script", module="matlab", scale=False),
+        Target(name="matlab", summary="MATLAB, Simulink and Octave: .mat and a script", module="matlab", scale=False),
         Target(name="control", summary="python-control: a script", module="control", scale=False),
         Target(name="fmu", summary="Simulink and Modelica: FMI 2.0 co-simulation", module="fmu", scale=False),
         Target(name="json", summary="The models with their covariance, as JSON", module="json_model", scale=False),

@@ -53,7 +53,6 @@ Records: TypeAlias = FlightRecord | str | Path | Iterable[FlightRecord | str | P
 """Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it."""
 
 _NEAR_ZERO = 1e-12
-_PADE_ORDER = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -369,7 +368,7 @@ class IdentifiedModel(Immutable):
         return to_toml(self.structure, own, {name: value for name, value in std.items() if name in own.names})
 
     def rational(
-        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+        self, *, delays: Delays = "states", pade_order: int | None = None, sample_rate_hz: float | None = None
     ) -> RationalModel:
         """The model as a state space without delays; see :func:`rotorid.simulation.rational`.
 
@@ -378,7 +377,8 @@ class IdentifiedModel(Immutable):
         delays
             As ``states``, as a ``lag``, or ``none`` at all.
         pade_order
-            Order of the approximation by states.
+            Order of the approximation by states; by default the lowest whose phase is right, see
+            :func:`rotorid.simulation.rational_model.sufficient_order`.
         sample_rate_hz
             Rate of a sampled model, exact for held inputs; continuous without it.
 
@@ -389,10 +389,13 @@ class IdentifiedModel(Immutable):
         ModelError
             The model has no proper state space.
         """
-        from rotorid.simulation.rational_model import rational
+        from rotorid.simulation.rational_model import rational, right_up_to, sufficient_order
 
+        system = self.system
+        if pade_order is None:
+            pade_order = sufficient_order(system, right_up_to(system, self.band_rad_s))
         return rational(
-            self.system,
+            system,
             delays=delays,
             pade_order=pade_order,
             sample_rate_hz=sample_rate_hz,
@@ -400,9 +403,9 @@ class IdentifiedModel(Immutable):
         )
 
     def to_control(
-        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+        self, *, delays: Delays = "states", pade_order: int | None = None, sample_rate_hz: float | None = None
     ) -> Any:
-        """The model as a ``control.StateSpace``, delays by default as Padé approximations of order four.
+        """The model as a ``control.StateSpace``, delays by default as Padé approximations.
 
         Parameters
         ----------
@@ -427,9 +430,9 @@ class IdentifiedModel(Immutable):
         )
 
     def to_scipy(
-        self, *, delays: Delays = "states", pade_order: int = _PADE_ORDER, sample_rate_hz: float | None = None
+        self, *, delays: Delays = "states", pade_order: int | None = None, sample_rate_hz: float | None = None
     ) -> Any:
-        """The model as a ``scipy.signal.StateSpace``, delays by default as Padé approximations of order four.
+        """The model as a ``scipy.signal.StateSpace``, delays by default as Padé approximations.
 
         Parameters
         ----------

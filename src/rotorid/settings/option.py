@@ -140,7 +140,7 @@ def require_words(settings: "DataclassInstance") -> None:
     """
     for item in fields(settings):
         known, value = words_of(item), getattr(settings, item.name)
-        if known and value not in known:
+        if known and value not in (*known, _default(item)):
             raise unknown_name(item.name.replace("_", " "), str(value), known)
 
 

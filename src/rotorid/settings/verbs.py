@@ -21,7 +21,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "design simulate": "duration turbulence wind",
         "design simulate vehicles": "like",
         "design tune": "axis",
-        "export": "delay-as-lag draws pade sample-rate to",
+        "export": "delay-as-lag draws no-delay pade sample-rate to",
         "export vehicles": "name",
         "fleet": "again memory resume review scheduler timeout vehicles workers",
         "fleet review": "models",

@@ -151,6 +151,106 @@ def input_output_delays(system: StateSpace) -> tuple[FloatArray, FloatArray]:
     return (before + shared, behind - shared) if behind.size else (before, behind)
 
 
+PHASE_ERROR_DEG = 0.01
+"""Of a Padé approximation that counts as right: a tenth of what a phase margin may be off by. Where the phase is flat,
+gain margins move by one percent in a tenth of a degree."""
+
+USUAL_BAND_RAD_S = (1.0, 50.0)
+"""Where a model was not fitted to responses."""
+
+_BEYOND = 10.0
+"""Over the end of the band: no crossover is looked for beyond."""
+
+
+def right_up_to(system: StateSpace, band_rad_s: tuple[float, float] | None) -> float:
+    """Frequency up to which the phase of a model matters, rad/s.
+
+    That is the end of its band, or the highest frequency beyond at which the gain of a response is one, or its first
+    phase of -180 degrees after that: the crossovers of a loop that is closed around the model alone.
+
+    Parameters
+    ----------
+    system
+        With delays.
+    band_rad_s
+        Where it was fitted; ``None`` where that was not to responses.
+    """
+    low, high = band_rad_s or USUAL_BAND_RAD_S
+    omega = np.geomspace(0.1 * low, _BEYOND * high, _POINTS)
+    response = system.response(omega)
+    found = high
+    for row in response.reshape(-1, omega.size):
+        gain = np.abs(row)
+        crossed = np.flatnonzero(np.diff(np.sign(gain - 1.0)) != 0.0)
+        if not crossed.size:
+            continue
+        # The first real and negative value beyond the last crossover, where the imaginary part changes its sign.
+        beyond = row[crossed[-1] + 1 :]
+        turned = np.flatnonzero((np.diff(np.sign(beyond.imag)) != 0.0) & (beyond.real[1:] < 0.0))
+        last = crossed[-1] + 1 + (turned[0] + 1 if turned.size else 0)
+        found = max(found, float(omega[min(last, omega.size - 1)]))
+    return found
+
+
+_POINTS = 1500
+
+
+def pade_phase_error(system: StateSpace, order: int, up_to_rad_s: float) -> float:
+    """Largest error of the phase of any response with Padé approximations of an order, rad.
+
+    Parameters
+    ----------
+    system
+        With delays; negative ones count as none.
+    order
+        Of each of its delays.
+    up_to_rad_s
+        End of the frequencies that are compared.
+    """
+    before, behind = input_output_delays(system)
+    omega = np.geomspace(1e-2, 1.0, _ERROR_POINTS) * up_to_rad_s
+    errors = [_phase_errors(delays, order, omega) for delays in (behind, before)]
+    both = errors[0][:, None] + errors[1]
+    return float(np.abs(both).max(initial=0.0))
+
+
+_ERROR_POINTS = 60
+
+
+def _phase_errors(delays_s: FloatArray, order: int, omega_rad_s: FloatArray) -> FloatArray:
+    """Phase of the approximation less that of the delay, shape ``(delays, f)``, followed from low frequencies up."""
+    x = 1j * delays_s[:, None] * omega_rad_s
+    powers = range(order + 1)
+    under = sum(_coefficient(order, k) * x**k for k in powers)
+    over = sum(_coefficient(order, k) * (-x) ** k for k in powers)
+    return np.asarray(np.unwrap(np.angle(over / under), axis=1) + delays_s[:, None] * omega_rad_s)
+
+
+def sufficient_order(system: StateSpace, up_to_rad_s: float, *, error_deg: float = PHASE_ERROR_DEG) -> int:
+    """The lowest order of Padé approximations whose phase is right up to a frequency; at most ten.
+
+    Parameters
+    ----------
+    system
+        With delays.
+    up_to_rad_s
+        See :func:`right_up_to`.
+    error_deg
+        How far the phase of any response may be off.
+
+    Examples
+    --------
+    >>> one = np.ones((1, 1))
+    >>> lag = StateSpace(M=0.1 * one, F=-one, G=one, H0=one, H1=0.0 * one,
+    ...                  input_delays_s=np.array([0.012]), output_delays_s=np.zeros(1))
+    >>> sufficient_order(lag, 50.0), sufficient_order(lag, 200.0)
+    (2, 4)
+    """
+    limit = math.radians(error_deg)
+    orders = range(1, _HIGHEST_ORDER + 1)
+    return next((order for order in orders if pade_phase_error(system, order, up_to_rad_s) <= limit), _HIGHEST_ORDER)
+
+
 def delay_error(system: StateSpace, model: RationalModel, omega_rad_s: FloatArray) -> float:
     """Largest difference of the responses of a model with and without delays, relative to the response.
 
@@ -195,8 +295,7 @@ def pade(delay_s: float, order: int) -> Quadruple:
     """
     if delay_s == 0.0:
         return _gain(1)
-    powers = range(order + 1)
-    under = np.array([math.comb(order, k) * math.factorial(2 * order - k) / math.factorial(2 * order) for k in powers])
+    under = np.array([_coefficient(order, k) for k in range(order + 1)])
     under /= under[-1]
     # In units in which the product of the poles is one: the coefficients of high orders are far apart.
     scale = under[0] ** (1.0 / order)
@@ -209,6 +308,11 @@ def pade(delay_s: float, order: int) -> Quadruple:
     B[-1] = 1.0
     rate = scale / delay_s
     return rate * A, rate * B, (over - direct * under)[None, :-1], np.array([[direct]])
+
+
+def _coefficient(order: int, power: int) -> float:
+    """Of a power in the denominator of the approximation."""
+    return math.comb(order, power) * math.factorial(2 * order - power) / math.factorial(2 * order)
 
 
 def _gain(count: int) -> Quadruple:

@@ -114,14 +114,16 @@ def test_it_moves_as_rotorid_simulates_it(choices: ExportSettings, count: int, t
 @pytest.mark.parametrize(
     ("found", "choices", "steps"),
     [
-        (asymmetric(delay=0.006), ExportSettings(), 6),
-        (asymmetric(delay=0.006), ExportSettings(delay="lag"), 0),
-        (second(X_u=-0.2, Y_v=-0.3), ExportSettings(), 0),
+        (asymmetric(delay=0.006), ExportSettings(), 6.0),
+        (asymmetric(delay=0.0064), ExportSettings(), 6.4),
+        (asymmetric(delay=0.006), ExportSettings(delay="none"), 0.0),
+        (asymmetric(delay=0.006), ExportSettings(delay="lag"), 0.0),
+        (second(X_u=-0.2, Y_v=-0.3), ExportSettings(), 0.0),
     ],
-    ids=["delayed", "lag", "at once"],
+    ids=["delayed", "part of a step", "left out", "lag", "at once"],
 )
 def test_the_vehicle_moves_as_rotorid_simulates_it(
-    found: JoinedVehicle, choices: ExportSettings, steps: int, tmp_path: Path
+    found: JoinedVehicle, choices: ExportSettings, steps: float, tmp_path: Path
 ) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     exported, body = export(found, choices), found.multirotor
@@ -132,7 +134,9 @@ def test_the_vehicle_moves_as_rotorid_simulates_it(
     outputs = doublet(body, 0) + doublet(body, 2) - body.hover_shares
     names = ("p", "q", "r", "velocity_north", "velocity_east", "velocity_down")
     y = flown(fmpy, tmp_path / "vehicle.fmu", body.rotors.layout.motor_names, names, outputs.T, STEP_S)[:, 1:]
-    mine = own(body, late(outputs, steps))
+    whole = int(steps)
+    share = steps - whole
+    mine = own(body, (1.0 - share) * late(outputs, whole) + share * late(outputs, whole + 1))
     for theirs, (name, signal) in zip(y, mine.items(), strict=True):
         np.testing.assert_allclose(theirs, signal, atol=1e-9, err_msg=name)
     assert np.abs(mine["p"]).max() > 0.1

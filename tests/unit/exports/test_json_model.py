@@ -65,11 +65,15 @@ def test_the_state_space_is_continuous_or_sampled(model: IdentifiedModel, rate_h
 
 
 def test_what_becomes_of_delays_is_said(model: IdentifiedModel) -> None:
-    left_out, states = export(model, "json"), export(model, "json", ExportSettings(delay="states", pade_order=2))
+    left_out, states = (
+        export(model, "json", choices)
+        for choices in (ExportSettings(delay="none"), ExportSettings(delay="states", pade_order=2))
+    )
     assert "state space is without delays" in left_out.left_out[0]
     assert "delays as states" in states.left_out[0]
     count = len(written(left_out)["state_space"]["A"])
     assert len(written(states)["state_space"]["A"]) == count + 2
+    assert export(model, "json").delays["rate.roll"].kept == "states"
 
 
 def test_two_of_one_name_are_refused(model: IdentifiedModel) -> None:

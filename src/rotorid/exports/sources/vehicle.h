@@ -5,7 +5,8 @@
  *
  *     m dV/dt = m g + R (W_F F + D_F (V_b, w)),   J dw/dt = W_M F + D_M (V_b, w) - w x J w,   T dx/dt = u - x
  *
- * in steps of STEP_S by Runge and Kutta, outputs held over a step and late by DELAY_STEPS of them. There is no ground.
+ * in steps of STEP_S by Runge and Kutta, outputs held over a step and late by DELAY_STEPS of them and
+ * a share of one, DELAY_SHARE: the mean of two held outputs. There is no ground.
  */
 
 #define MOTION 13
@@ -17,7 +18,7 @@ static const double LAG = LAG_S;
 
 /* Position, velocity, quaternion (w, x, y, z; body to earth), rates, lagged outputs. */
 typedef struct {
-    double x[SIZE], u[INPUTS], late[DELAY_STEPS + 1][ROTORS];
+    double x[SIZE], u[INPUTS], late[DELAY_STEPS + 2][ROTORS];
     double phase_s;
     int next;
 } Model;
@@ -77,13 +78,14 @@ static void derivative(const double *x, const double *outputs, const double *win
 }
 
 static void advance(Model *model) {
-    double slopes[4][SIZE], middle[SIZE], norm = 0.0;
-    double *outputs = model->late[model->next];
+    double slopes[4][SIZE], middle[SIZE], outputs[ROTORS], norm = 0.0;
+    const double *older = model->late[model->next], *newer = model->late[(model->next + 1) % (DELAY_STEPS + 2)];
     const double *wind = model->u + ROTORS;
     for (int k = 0; k < ROTORS; k++) {
         double asked = model->u[k] < 0.0 ? 0.0 : model->u[k] > 1.0 ? 1.0 : model->u[k];
-        model->late[(model->next + DELAY_STEPS) % (DELAY_STEPS + 1)][k] = asked;
+        model->late[(model->next + DELAY_STEPS + 1) % (DELAY_STEPS + 2)][k] = asked;
     }
+    for (int k = 0; k < ROTORS; k++) outputs[k] = newer[k] + DELAY_SHARE * (older[k] - newer[k]);
     memcpy(middle, model->x, sizeof(middle));
     for (int stage = 0; stage < 4; stage++) {
         double ahead = stage == 2 ? STEP_S : 0.5 * STEP_S;
@@ -95,7 +97,7 @@ static void advance(Model *model) {
     for (int i = 6; i < 10; i++) norm += model->x[i] * model->x[i];
     for (int i = 6; i < 10; i++) model->x[i] /= sqrt(norm);
     for (int k = 0; k < ROTORS && !(LAG > 0.0); k++) model->x[MOTION + k] = outputs[k];
-    model->next = (model->next + 1) % (DELAY_STEPS + 1);
+    model->next = (model->next + 1) % (DELAY_STEPS + 2);
 }
 
 static void start(Model *model) {
@@ -103,7 +105,7 @@ static void start(Model *model) {
     model->x[6] = 1.0;
     for (int k = 0; k < ROTORS; k++) {
         model->x[MOTION + k] = model->u[k] = HOVER[k];
-        for (int i = 0; i <= DELAY_STEPS; i++) model->late[i][k] = HOVER[k];
+        for (int i = 0; i <= DELAY_STEPS + 1; i++) model->late[i][k] = HOVER[k];
     }
 }
 
