@@ -591,6 +591,7 @@ def _respond(
             taper=_TAPERS[settings.taper],
             composition=_COMPOSITIONS[settings.composition],
             known=known,
+            within=plan.within,
         )
         for plan in _different(windows)
     }

@@ -8,6 +8,7 @@ only planned and its spectra expected.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
@@ -249,6 +250,7 @@ def diagnosed_response(
     composition: Composition = "minimum_variance",
     leakage: Leakage = "corrected",
     known: Known | None = None,
+    within: float = math.inf,
 ) -> tuple[FrequencyResponse, Diagnostics]:
     """:func:`frequency_response`, with what stands behind it.
 
@@ -260,6 +262,8 @@ def diagnosed_response(
         Response ``(y, u, f)`` at frequencies ``(f,)`` whose effect was taken off the outputs of the records. It is
         added to that of what they still hold, and windows add nothing to it, so that nothing is corrected. Multiple
         coherence and leakage of the diagnostics are then those of what the outputs still hold.
+    within
+        How far a window may be from its length, as a share; by rule they are rounded to whole hops of the shortest.
 
     Returns
     -------
@@ -286,6 +290,7 @@ def diagnosed_response(
         taper=taper,
         slopes=leakage == "corrected",
         kept=len(drivers),
+        within=within,
     )
     return response_from(
         spectra,

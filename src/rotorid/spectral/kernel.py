@@ -17,6 +17,7 @@ functions apart.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,9 @@ from rotorid.spectral.windows import Taper
 from rotorid.typing import ComplexArray, FloatArray
 
 _RANK_TOLERANCE = 1e-13
+
+_MOST_PARTS = 10
+"""Of the hop of the shortest window, where windows of given lengths need finer blocks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,10 +50,27 @@ class BlockGrid:
         return self.samples_per_block / self.sample_rate_hz
 
     @classmethod
-    def for_windows(cls, lengths_s: Sequence[float], overlap: float, sample_rate_hz: float) -> BlockGrid:
-        """The grid whose block is the hop of the shortest window."""
+    def for_windows(
+        cls, lengths_s: Sequence[float], overlap: float, sample_rate_hz: float, *, within: float = math.inf
+    ) -> BlockGrid:
+        """The grid whose block is the hop of the shortest window, or a part of it.
+
+        Parameters
+        ----------
+        within
+            How far a window may be from its length, as a share: the hop is divided until all are that close. Blocks
+            stay longer than a tenth of it.
+        """
         hop_s = min(lengths_s) * (1.0 - overlap)
-        return cls(samples_per_block=max(1, round(hop_s * sample_rate_hz)), sample_rate_hz=sample_rate_hz)
+
+        def part(parts: int) -> BlockGrid:
+            return cls(samples_per_block=max(1, round(hop_s * sample_rate_hz / parts)), sample_rate_hz=sample_rate_hz)
+
+        def misses(grid: BlockGrid) -> float:
+            return max(abs(grid.window(one, overlap).blocks * grid.block_s / one - 1.0) for one in lengths_s)
+
+        grids = [part(parts) for parts in range(1, _MOST_PARTS + 1)] if within < math.inf else [part(1)]
+        return next((grid for grid in grids if misses(grid) <= within), min(grids, key=misses))
 
     def window(self, length_s: float, overlap: float) -> BlockWindow:
         """A window of about ``length_s``, in whole blocks."""

@@ -6,6 +6,7 @@ refused with its name, before anything is computed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -116,12 +117,13 @@ def record_spectra(
     taper: Taper = HANN,
     slopes: bool = True,
     kept: int | None = None,
+    within: float = math.inf,
 ) -> Spectra:
     """Spectra of records from which a response to ``inputs`` can be estimated.
 
     Parameters
     ----------
-    records, omega_rad_s, windows_s, overlap, taper, kept
+    records, omega_rad_s, windows_s, overlap, taper, kept, within
         As for :func:`spectral_matrices`.
     inputs
         Of the response. As many inputs as windows explain any output perfectly, coherence one and error zero with
@@ -144,6 +146,7 @@ def record_spectra(
         taper=taper,
         slopes_of=tuple(inputs) if slopes else (),
         kept=kept,
+        within=within,
     )
     matrices = tuple(matrix for matrix in matrices if len(matrix.transforms) > len(inputs))
     _require_windows(matrices, records, windows_s)
@@ -165,12 +168,14 @@ def spectral_matrices(
     taper: Taper = HANN,
     slopes_of: Sequence[str] = (),
     kept: int | None = None,
+    within: float = math.inf,
 ) -> tuple[tuple[SpectralMatrix, ...], BlockGrid]:
     """Spectral matrices of several records together, one for each window length.
 
     Every record is used without its mean. No window straddles two records. Lengths are rounded to whole blocks (a
-    fifth of the shortest window at 80 % overlap); the lengths really used stand in the results. A window length counts
-    only where it holds two periods, and lengths for which no record is long enough are left out.
+    fifth of the shortest window at 80 % overlap, or a part of it, see ``within``); the lengths really used stand in the
+    results. A window length counts only where it holds two periods, and lengths for which no record is long enough are
+    left out.
 
     Parameters
     ----------
@@ -188,6 +193,8 @@ def spectral_matrices(
     kept
         Of how many channels, the first ones, the matrices keep the transforms; of all, if nothing is said. Those of
         many channels over hours of flight fill the memory.
+    within
+        How far a window may be from its length, as a share, where finer blocks come that close.
 
     Raises
     ------
@@ -198,7 +205,7 @@ def spectral_matrices(
     _require_consistent(records, windows_s, overlap)
     require_grid(omega_rad_s, records[0].sample_rate_hz)
     first = records[0]
-    grid = BlockGrid.for_windows(windows_s, overlap, first.sample_rate_hz)
+    grid = BlockGrid.for_windows(windows_s, overlap, first.sample_rate_hz, within=within)
     basis = band_basis(grid, omega_rad_s[-1] + 2.0 * np.pi / min(windows_s))
     compressed = [
         compress(record.values - record.values.mean(axis=1, keepdims=True), grid, basis) for record in records

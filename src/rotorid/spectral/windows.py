@@ -32,6 +32,9 @@ _RECORD_SHARE = 2.0
 _TOTAL_SHARE = 5.0
 """So many of the longest window fit into all records together."""
 
+_GIVEN_WITHIN = 0.005
+"""How far a window may be from the length that was given for it, as a share."""
+
 _ENDING = ("sweep", "multisine")
 """Kinds of maneuvers that have a highest frequency."""
 
@@ -81,9 +84,11 @@ HANN = Taper(name="hann", terms=((0, 0.5), (2, -0.25), (-2, -0.25)), mean_square
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WindowPlan:
-    """Windows that were chosen, and what had to be said about the choice."""
+    """Windows that were chosen, how closely they are kept, and what had to be said about the choice."""
 
     lengths_s: tuple[float, ...]
+    within: float = math.inf
+    """How far a window may be from its length, as a share; by rule, lengths are rounded to what is cheap."""
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -216,7 +221,7 @@ def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:
     """Windows that the user chose: obeyed, with a remark where the longest exceeds half of the shortest record."""
     plan = tuple(sorted(lengths_s, reverse=True))
     if plan[0] <= record_s / _RECORD_SHARE:
-        return WindowPlan(lengths_s=plan)
+        return WindowPlan(lengths_s=plan, within=_GIVEN_WITHIN)
     finding = warn(
         "record_too_short",
         "windows",
@@ -225,7 +230,7 @@ def given_windows(lengths_s: Sequence[float], record_s: float) -> WindowPlan:
         record_s=record_s,
         longest_window_s=plan[0],
     )
-    return WindowPlan(lengths_s=plan, findings=(finding,))
+    return WindowPlan(lengths_s=plan, within=_GIVEN_WITHIN, findings=(finding,))
 
 
 def _short_record(record_s: float, total_s: float, longest_s: float, low: float) -> Finding:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rotorid.data.record import Channel, TimeHistory
 from rotorid.spectral.kernel import BlockGrid, BlockWindow, band_basis, compress, transform
 from rotorid.spectral.spectra import spectral_matrices
-from rotorid.spectral.windows import HALF_SINE, HANN, Taper
+from rotorid.spectral.windows import HALF_SINE, HANN, Taper, WindowPlan, given_windows
 from rotorid.typing import ComplexArray, FloatArray
 
 BAR = 1e-11
@@ -128,3 +128,12 @@ def test_no_window_straddles_two_records() -> None:
     assert np.abs(matrix.transforms - exact).max() <= 1e-12 * np.abs(exact).max()
     assert matrix.starts.tolist() == starts
     assert matrix.averages == pytest.approx((997 // 50 + 661 // 50) * 50 / length)
+
+
+def test_windows_that_were_given_are_kept_and_those_by_rule_are_whole_hops_of_the_shortest() -> None:
+    asked = (71.0, 60.0, 40.0)
+    for plan, expected in ((given_windows(asked, 150.0), asked), (WindowPlan(lengths_s=asked), (72.0, 64.0, 40.0))):
+        grid = BlockGrid.for_windows(plan.lengths_s, 0.8, 100.0, within=plan.within)
+        windows = [grid.window(length, 0.8) for length in plan.lengths_s]
+        assert [window.blocks * grid.block_s for window in windows] == pytest.approx(expected, rel=0.005)
+        assert [window.hop / window.blocks for window in windows] == pytest.approx([0.2] * 3, abs=0.05)
