@@ -108,7 +108,9 @@ def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding
 
 
 def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Findings by severity, each once; those of one severity keep their order.
+    """Findings by severity, each fact once; those of one severity keep their order.
+
+    That a source is logged too slowly is one fact, whoever says it: the reader, which comes first, knows the remedy.
 
     Examples
     --------
@@ -116,11 +118,17 @@ def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     >>> [finding.kind for finding in worst_first([skew, gap, skew])]
     ['gap', 'clock_skew']
     """
-    unique = {
-        (finding.kind, finding.severity, finding.where, finding.message, tuple(finding.numbers.items())): finding
-        for finding in findings
-    }
+    unique: dict[tuple[object, ...], Finding] = {}
+    for finding in findings:
+        unique.setdefault(_fact(finding), finding)
     return tuple(sorted(unique.values(), key=lambda finding: SEVERITIES.index(finding.severity)))
+
+
+def _fact(finding: Finding) -> tuple[object, ...]:
+    numbers = finding.numbers
+    if finding.kind == "rate_too_low" and "needed_hz" in numbers:
+        return finding.kind, finding.severity, finding.where, round(numbers["rate_hz"])
+    return finding.kind, finding.severity, finding.where, finding.message, tuple(numbers.items())
 
 
 _SEVERITY_WORDS: Mapping[str, str] = {"error": "error", "warning": "warning", "info": "note"}

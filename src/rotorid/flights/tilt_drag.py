@@ -33,6 +33,7 @@ Only motion between 0.1 and 1 Hz counts for the drag: below, wind and the estima
 holds its speed leans against gusts; above, vibration and flapping. The wind follows from what is left at all lower
 frequencies. A bias turns with the body and the wind does not, but of a flight at one heading the two are one number:
 the bias then has a standard deviation of 0.2 m/s², which is an accelerometer mounted 1.2° off the plane of the rotors.
+Where a wind without any bias is another one beyond chance, the difference is part of the error.
 
 The regression is on the cosine coefficients of each stretch, of which the errors are independent in steady weather. Its
 standard errors are White's with the residuals over one minus their leverage (HC3), as wide as Student's t of the
@@ -85,6 +86,12 @@ _WORST = 0.25
 _SCATTER = 0.015
 """Standard deviation of rotor drag between flights of one vehicle, as a share: assumed for one flight."""
 
+_WORTH_SAYING_M_S = 0.5
+"""A wind that a bias moves by less is not remarked on."""
+
+_NO_BIAS_M_S2 = 1e-4
+"""Standard deviation of an accelerometer's bias that counts as none."""
+
 _SLOWEST_S, _FEWEST_COSINES = 30.0, 3
 """A cosine for so many seconds of flight, of which the long-run variance is the mean."""
 
@@ -131,6 +138,9 @@ class TiltDrag(Immutable):
         Source of the velocity in the log, or its channel.
     difference_std
         Standard deviation of the difference of ``plain`` and ``drag``, which share their noise.
+    wind_by_bias_m_s
+        How far beyond chance the wind is another one where the accelerometer counts as without bias; zero where it is
+        not.
     """
 
     drag: Quantity
@@ -146,6 +156,7 @@ class TiltDrag(Immutable):
     seconds: float
     velocity_source: str
     difference_std: float
+    wind_by_bias_m_s: float = 0.0
 
     @property
     def difference(self) -> Quantity:
@@ -174,7 +185,19 @@ class TiltDrag(Immutable):
         return Quantity(value=value, std=(upper - lower) / (2.0 * TWO_SIDED_95), lower=lower, upper=upper, unit="m/s")
 
     def findings(self, where: str = "flight.drag") -> tuple[Finding, ...]:
-        """That both ways disagree, where they do."""
+        """That both ways disagree, and that wind and bias are not separated, where that is so."""
+        return (*self._ways(where), *self._unseparated())
+
+    def _unseparated(self) -> tuple[Finding, ...]:
+        if self.wind_by_bias_m_s < _WORTH_SAYING_M_S:
+            return ()
+        message = (
+            "Wind and accelerometer bias are not separated: without a bias, the wind would be another one by "
+            f"{self.wind_by_bias_m_s:.1f} m/s. Its interval contains both. Turn once while hovering."
+        )
+        return (warn("wind_or_bias", "flight.wind", message, difference_m_s=self.wind_by_bias_m_s),)
+
+    def _ways(self, where: str) -> tuple[Finding, ...]:
         if self.agrees:
             return ()
         drag, plain, apart = (
@@ -289,7 +312,7 @@ def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
     if parts is not None and parts.grows:
         winds = [_wind(log, parts.at_rest.value, parts.quadratic.value) for log in by_log]
     longest = max(range(len(by_log)), key=lambda place: sum(stretch.seconds for stretch in by_log[place]))
-    north, east = _wind_quantities(by_log[longest], winds[longest], solved, parts)
+    (north, east), by_bias_m_s = _wind_quantities(by_log[longest], winds[longest], solved, parts)
     record = logs[longest][0]
     channel = velocities_of(record)[0]
     source = next(record.holding(channel))
@@ -307,6 +330,7 @@ def tilt_drag_of(logs: Sequence[tuple[FlightRecord, Intervals]]) -> TiltDrag:
         seconds=seconds,
         velocity_source=source[0].channels[source[1]].source or channel,
         difference_std=solved.difference_std,
+        wind_by_bias_m_s=by_bias_m_s,
     )
 
 
@@ -498,9 +522,9 @@ class _Wind:
         return self.value[:2]
 
 
-def _wind(log: Sequence[Stretch], at_rest: float, square: float) -> _Wind:
-    """Wind by what braking leaves at all frequencies, with the bias as a number that is known to 0.2 m/s²."""
-    found, known = np.zeros(4), np.diag([0.0, 0.0, ALONG_BODY_BIAS_M_S2**-2, ALONG_BODY_BIAS_M_S2**-2])
+def _wind(log: Sequence[Stretch], at_rest: float, square: float, bias_m_s2: float = ALONG_BODY_BIAS_M_S2) -> _Wind:
+    """Wind by what braking leaves at all frequencies, with the bias as a number that is known to some m/s²."""
+    found, known = np.zeros(4), np.diag([0.0, 0.0, bias_m_s2**-2, bias_m_s2**-2])
     seconds = sum(stretch.seconds for stretch in log)
     for _ in range(_ROUNDS if square else 1):
         left, slopes = _wind_columns(log, found, at_rest, square)
@@ -607,23 +631,28 @@ def _square_fit(
 
 def _wind_quantities(
     log: Sequence[Stretch], wind: _Wind, solved: _Solved, parts: _Parts | None
-) -> tuple[Quantity | None, Quantity | None]:
-    """Wind to north and east with the errors of what is left, of the bias, and of the drag."""
+) -> tuple[tuple[Quantity | None, Quantity | None], float]:
+    """Wind to north and east with the errors of what is left, of the bias, and of the drag; by how much the bias."""
     if not all(stretch.heading_known for stretch in log):
-        return None, None
+        return (None, None), 0.0
     if parts is None or not parts.grows:
-        std = math.hypot(solved.std, _SCATTER * solved.value[0])
-        others = [_wind(log, solved.value[0] + std, 0.0)]
+        drag, square = float(solved.value[0]), 0.0
+        others = [_wind(log, drag + math.hypot(solved.std, _SCATTER * drag), 0.0)]
     else:
-        others = [
-            _wind(log, parts.at_rest.value + parts.at_rest.std, parts.quadratic.value),
-            _wind(log, parts.at_rest.value, parts.quadratic.value + parts.quadratic.std),
-        ]
-    stds = wind.wider * np.sqrt(np.diag(wind.covariance)[:2])
+        drag, square = parts.at_rest.value, parts.quadratic.value
+        others = [_wind(log, drag + parts.at_rest.std, square), _wind(log, drag, square + parts.quadratic.std)]
+    random = np.diag(wind.covariance)[:2]
+    stds = wind.wider * np.sqrt(random)
+    # Where the turns of the flight should separate wind and bias and do not, the interval contains both.
+    plain = _wind(log, drag, square, bias_m_s2=_NO_BIAS_M_S2)
+    chance = np.abs(random - np.diag(plain.covariance)[:2]).tolist()
+    differences = (plain.mean - wind.mean).tolist()
+    by_bias = [_beyond_chance(*pair) for pair in zip(differences, chance, strict=True)]
+    stds = np.hypot(stds, by_bias)
     for other in others:
         stds = np.hypot(stds, other.mean - wind.mean)
     north, east = (_quantity(value, std, "m/s") for value, std in zip(wind.mean, stds, strict=True))
-    return north, east
+    return (north, east), math.hypot(*by_bias)
 
 
 def _airspeeds(by_log: Sequence[Sequence[Stretch]], winds: Sequence[FloatArray]) -> tuple[float, float]:

@@ -49,7 +49,9 @@ def fit_flight_data(data: FlightMotion, choices: MotorSettings) -> FittedFlight:
     _require_motion(data)
     _PROGRESS.info("fitting force and moment of flight")
     known = {name: value for name, value in choices.known.items() if name != "m"}
-    asked = FlightChoices(values=known, skews_s=data.skews_s, predictor=choices.predictor)
+    asked = FlightChoices(
+        values=known, skews_s=data.skews_s, predictor=choices.predictor, straight=data.motors.straightened
+    )
     fit = _fitted(data, asked)
     drag = _drag_by_tilt(data, fit)
     if drag is not None:

@@ -71,14 +71,14 @@ def _disc(identified: FittedFlight) -> Iterator[Finding]:
 
 
 def _curve(identified: FittedFlight) -> Iterator[Finding]:
-    """That demands of thrust were taken as shares of the speed."""
-    if identified.data.motors.straightened:
+    """That demands of thrust were taken as shares of the speed, where the flight shows no curve."""
+    if identified.data.motors.straightened and "c_1" not in identified.fit.values:
         yield warn(
             "assumed_curve",
             "thrust",
-            "The log has thrust demands, but the model takes them as shares of the full motor speed. The slope of "
-            "thrust in hover and the inertia may be up to twice the true ones. Log motor speeds, or use "
-            "physical.motors for thrust and inertia.",
+            "The log has thrust demands, which thrust follows in a line. It varied too little to show that, so it was "
+            "fitted with their square: its slope in hover and the inertia may be up to twice the true ones. Fly "
+            "climbs, log motor speeds, or use physical.motors for thrust and inertia.",
         )
 
 
@@ -102,11 +102,15 @@ def _velocity(identified: FittedFlight) -> Iterator[Finding]:
 
 
 def _wind(identified: FittedFlight) -> Iterator[Finding]:
-    """That wind and a bias of the accelerometer look alike, of flights that hardly turned."""
+    """That wind and a bias of the accelerometer look alike, of logs of which a stretch hardly turned."""
     fit = identified.fit
+    turned: dict[str, float] = {}
     for flight, wind in zip(identified.data.motors.stretches, fit.winds, strict=True):
         if fit.velocity == "measured" and np.isfinite(wind).all() and np.any(wind):
-            yield from wind_or_bias(float(np.ptp(np.unwrap(flight.record.attitude[2]))), flight.record.name)
+            name, own = flight.record.name, float(np.ptp(np.unwrap(flight.record.attitude[2])))
+            turned[name] = min(own, turned.get(name, own))
+    for name, least in turned.items():
+        yield from wind_or_bias(least, name)
 
 
 def _by_tilt(identified: FittedFlight) -> Iterator[Finding]:

@@ -52,6 +52,9 @@ class FlightChoices(Immutable):
         Share by which a term has to lower the error of data that were not fitted.
     predictor
         Whether numbers that predict this closed loop best are wanted beside those of the vehicle.
+    straight
+        Whether thrust follows what is known of the motors in a line, as the parameters of the autopilot say; the data
+        may bend it.
     """
 
     values: Mapping[str, float] = field(default_factory=dict)
@@ -62,6 +65,7 @@ class FlightChoices(Immutable):
     skews_s: tuple[float, ...] = ()
     least_gain: float = 0.01
     predictor: bool = False
+    straight: bool = False
 
     def __post_init__(self) -> None:
         self._set(values=self.values)
@@ -248,7 +252,9 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     force = fit_force(
         records,
         airframe,
-        ForceChoices(choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain),
+        ForceChoices(
+            choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain, choices.straight
+        ),
     )
     values = dict(force.values)
     if lag is not None and "T_motor" not in lag.moving:

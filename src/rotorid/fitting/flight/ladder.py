@@ -153,6 +153,7 @@ class ForceChoices(NamedTuple):
     cutoff_hz: float | None
     skews_s: FloatArray
     least_gain: float
+    straight: bool = False
 
 
 def fit_force(records: Sequence[MotorRecord], airframe: Airframe, choices: ForceChoices) -> ForceFit:
@@ -405,7 +406,8 @@ class _Search:
             thrust = share * self.load_n
             curve = {
                 "c_0": Prior(0.0, USUAL_REST * thrust),
-                "c_1": Prior(0.0, USUAL_BEND * thrust),
+                # About a line where the autopilot takes the curve out, else about a square.
+                "c_1": Prior(thrust if self.choices.straight else 0.0, USUAL_BEND * thrust),
                 "c_2": Prior(thrust, 0.3 * thrust),
             }
         return {

@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.force import through_sensor
-from rotorid.fitting.flight.ladder import ForceChoices, ForceFit, fit_force
+from rotorid.fitting.flight.ladder import ForceChoices, ForceFit, _Search, fit_force
 from rotorid.fitting.flight.motion import VelocityClass, motion, rotor_speeds
 from rotorid.frames import earth_to_body
 from rotorid.models.flight import Airframe, felt, flight_loads
@@ -72,8 +72,8 @@ def _colored(rng: np.random.Generator, count: int, high_hz: float) -> FloatArray
     return np.asarray((row - row.mean()) / row.std())
 
 
-def fitted(*records: MotorRecord, kind: VelocityClass = "measured", **known: float) -> ForceFit:
-    choices = ForceChoices(known, None, kind, kind == "measured", None, np.zeros(len(records)), 0.01)
+def fitted(*records: MotorRecord, kind: VelocityClass = "measured", straight: bool = False, **known: float) -> ForceFit:
+    choices = ForceChoices(known, None, kind, kind == "measured", None, np.zeros(len(records)), 0.01, straight)
     return fit_force(records, FRAME, choices)
 
 
@@ -124,6 +124,16 @@ def test_outputs_have_a_lag_and_a_curve() -> None:
     assert found.values["c_2"] == pytest.approx(3.0, rel=0.05)
     assert found.values["k_d"] == pytest.approx(0.06, rel=0.02)
     assert {"c_1", "c_2", "T_motor"} <= set(found.free)
+
+
+def test_the_curve_of_demands_is_about_the_line_that_the_autopilot_makes_of_it() -> None:
+    hover = flown(7, OUTPUTS, speed=0.1, turning=0.1)
+    choices = ForceChoices({}, None, "measured", False, None, np.zeros(1), 0.01)
+    priors = {
+        straight: _Search((hover,), FRAME, choices._replace(straight=straight)).priors() for straight in (False, True)
+    }
+    assert priors[False]["c_1"].mean == 0.0
+    assert priors[True]["c_1"].mean == priors[True]["c_2"].mean > 0.0
 
 
 def test_hover_ties_inflow_to_thrust_and_shows_no_drag() -> None:
