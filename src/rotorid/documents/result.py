@@ -39,6 +39,7 @@ from rotorid.results.summary import (
     FitEnd,
     FitVerdict,
     FlightPhysics,
+    HoverRotors,
     Information,
     MethodName,
     Minimum,
@@ -122,6 +123,7 @@ class ResultDocument(Document):
     identifiability: list[UnseenCombination] = Field(default_factory=list)
     motors: MotorPhysics | None = None
     flight: FlightPhysics | None = None
+    rotors: HoverRotors | None = None
     derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
@@ -167,6 +169,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         identifiability=list(model.combinations),
         motors=model.motors,
         flight=model.flight,
+        rotors=model.rotors,
         derived=model.derived,
         controller=model.controller,
         findings=[FindingDocument.model_validate(finding) for finding in model.findings],
@@ -348,6 +351,7 @@ def identified_model(
         combinations=tuple(document.identifiability),
         motors=document.motors,
         flight=document.flight,
+        rotors=document.rotors,
         nonlinear=nonlinear,
         derived=document.derived,
         controller=document.controller,

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from rotorid.data.record import AXES
 from rotorid.errors import UsageError
 from rotorid.flying.vehicle_air import (
     AIR_UNITS,
@@ -29,6 +30,7 @@ from rotorid.flying.vehicle_air import (
     curve_correlation,
     hover_parameters,
 )
+from rotorid.flying.vehicle_hover import knows_hover, layout_of_hover, numbers_of_hover
 from rotorid.flying.vehicle_numbers import (
     AGREEMENT_SIGMAS,
     MOTION,
@@ -48,7 +50,7 @@ from rotorid.planning.responses import answers_setpoints
 
 if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
-    from rotorid.results.summary import MotorPhysics, ParameterEstimate
+    from rotorid.results.summary import DelayBudget, MotorPhysics, ParameterEstimate
 
 _OF_MOTORS = ("T_motor", "L_p", "M_q", "N_r", "Z_w")
 
@@ -56,42 +58,52 @@ _UNIT_WORDS: Mapping[str, str] = {"rad/(s m)": "1/(m s)", "rad/(m s)": "1/(m s)"
 
 
 def rotors_of(
-    flown: Sequence[IdentifiedModel],
+    models: Sequence[IdentifiedModel],
     known: Mapping[str, float],
     layout: RotorLayout | None,
     usual: Mapping[str, VehicleNumber],
 ) -> tuple[RotorLayout | None, VehicleNumber | None]:
     """Where the rotors are, and the length of the arm."""
-    layouts = [(model, _layout_of(model.motors)) for model in flown if model.motors is not None]
+    layouts = [(model, own) for model in models if (own := layout_of_result(model)) is not None]
     for model, other in layouts[1:]:
         first = layouts[0][1]
         if not np.array_equal(first.spins, other.spins) or not np.allclose(
             first.positions / first.arm, other.positions / other.arm, atol=1e-3
         ):
-            raise _conflict("the places of the rotors", "", (layouts[0][0].motors, label_of(layouts[0][0])), model)
+            raise _conflict("the places of the rotors", "", (None, label_of(layouts[0][0])), model)
     if layout is not None and layouts and layout.rotors != layouts[0][1].rotors:
         raise UsageError(
             f"{layout.name} has {layout.rotors} rotors, and {label_of(layouts[0][0])} {layouts[0][1].rotors}",
             needed="the layout that flew: the thrust of each rotor was identified separately",
         )
-    sized = [(model, layout) for model, layout in layouts if layout.arm_known]
+    sized = [(model, own) for model, own in layouts if own.arm_known]
     found = layout or (sized[0][1] if sized else layouts[0][1] if layouts else None)
     if found is None:
         return None, None
     if "arm" in known:
         return found.scaled(known["arm"]), None
+    if not layouts and (arms := [(model, model.parameters["l"].value) for model in models if knows_hover(model)]):
+        # Results without their rotors know the arm all the same.
+        (model, arm_m), *_ = arms
+        return found.scaled(arm_m), VehicleNumber(value=arm_m, unit="m", source="given", of=label_of(model))
+    if sized and not found.arm_known:
+        found = found.scaled(sized[0][1].arm)
     if found.arm_known:
         for model, item in sized:
             if not math.isclose(item.arm, found.arm, rel_tol=1e-3):
                 raise _conflict("arm", "arm", (sized[0][1].arm, label_of(sized[0][0])), model, item.arm)
-        of = found.source or (label_of(sized[0][0]) if sized else found.name)
+        of = label_of(sized[0][0]) if sized else found.source or found.name
         return found, VehicleNumber(value=found.arm, unit="m", source="given", of=of)
     if "arm" in usual:
         return found.scaled(usual["arm"].value), usual["arm"]
     return found, None
 
 
-def _layout_of(motors: MotorPhysics) -> RotorLayout:
+def layout_of_result(model: IdentifiedModel) -> RotorLayout | None:
+    """The rotors that a result has; ``None`` where it has none."""
+    motors = model.motors
+    if motors is None:
+        return layout_of_hover(model) if knows_hover(model) else None
     return RotorLayout(
         name=motors.layout,
         positions=np.array(motors.rotors, dtype=np.float64),
@@ -130,6 +142,8 @@ def joined_numbers(
     numbers = _thrust(ordered, parts, known)
     for name in dict.fromkeys(key for part in parts for key in part if key not in TERMS):
         numbers[name] = combined(name, [part[name] for part in parts if name in part], known)
+    for name, number in _of_hover(models, numbers, known).items():
+        numbers[name] = combined(name, [*([numbers[name]] if name in numbers else []), number], known)
     families = [(model, family_of(model.structure)) for model in models if model.motors is None]
     linear = [(model, family.of_rates) for model, family in families if family.needs != "motor speeds"]
     # Lags from measured speeds are those of the motors themselves: no sensor or mixer stands between.
@@ -153,6 +167,28 @@ def joined_numbers(
             if name not in numbers:
                 left.setdefault(name, []).append(number)
     return numbers | {name: combined(name, found, known) for name, found in left.items()}
+
+
+def _of_hover(
+    models: Sequence[IdentifiedModel], numbers: Mapping[str, VehicleNumber], known: Mapping[str, float]
+) -> dict[str, VehicleNumber]:
+    """Numbers of results of ``physical.hover``; a curve of thrust, torque and momentum of motors are known better."""
+    found: Estimates = {}
+    for model in models:
+        if knows_hover(model):
+            for name, number in numbers_of_hover(model, known).items():
+                found.setdefault(name, []).append(number)
+    left_out = {"arm"}
+    if any(term in numbers for term in TERMS):
+        left_out |= {*TERMS, "speed_max"}
+    if any(name in numbers for name in ("kappa", "I_zz", "kappa_per_I_zz")):
+        left_out |= {"kappa", "I_zz", "kappa_per_I_zz"}
+    if any(name in numbers for name in ("h", "h_per_I_zz")):
+        left_out |= {"h"}
+    if any(name in numbers for name in ("disc_area",)):
+        left_out |= {"disc_area"}
+    alone = {name: parts[:1] if name in (*TERMS, "speed_max") else parts for name, parts in found.items()}
+    return {name: combined(name, parts, known) for name, parts in alone.items() if name not in left_out}
 
 
 def number_of_estimate(name: str, found: ParameterEstimate, of: str, factor: float = 1.0) -> VehicleNumber:
@@ -333,17 +369,35 @@ def _of_airframe(model: IdentifiedModel) -> dict[str, VehicleNumber]:
         and estimate.status != "dropped"
         and _UNIT_WORDS.get(estimate.unit, estimate.unit) == UNITS[name]
     }
+    height = model.parameters.get("z_imu")
+    if height is not None and height.status != "dropped":
+        # Up in these models, down in a vehicle.
+        found["z_imu"] = number_of_estimate("z_imu", height, of, -1.0)
+    elif above_m := model.structure.constants.get("z_imu"):
+        found["z_imu"] = VehicleNumber(value=-above_m, unit="m", source="given", of=of)
     lag = model.parameters.get("T_motor")
     if lag is not None and lag.status != "dropped":
         found["T_motor"] = number_of_estimate("T_motor", lag, of)
-    late = [budget for budget in model.delays.values() if budget.total_s > 0.0]
+    late = [pair for pair, budget in model.delays.items() if budget.total_s > 0.0]
     # Behind a set-point the delay is one of the whole loop, and with it in front of the motors that loop would tumble.
     if late and not answers_setpoints(model.structure):
-        first = late[0]
-        known_s = first.known_filters_s or 0.0
-        own_s = max(first.input_delay_s + first.output_delay_s - known_s, 0.0)
-        found["delay"] = VehicleNumber(value=own_s, unit="s", source="derived", std=_delay_std(model), of=of)
+        of_axes = {f"delay_{axis}": _delay_of(model, f"{axis}_command", of) for axis in AXES}
+        found |= {name: number for name, number in of_axes.items() if number is not None}
+        found["delay"] = _own_delay(model.delays[late[0]], _delay_std(model, late[0]), of)
     return found
+
+
+def _delay_of(model: IdentifiedModel, command: str, of: str) -> VehicleNumber | None:
+    """Delay of a command to the first output that answers it."""
+    pair = next((pair for pair in model.delays if pair.partition("/")[2] == command), None)
+    if pair is None:
+        return None
+    return _own_delay(model.delays[pair], _delay_std(model, pair), of)
+
+
+def _own_delay(budget: DelayBudget, std: float | None, of: str) -> VehicleNumber:
+    own_s = max(budget.input_delay_s + budget.output_delay_s - (budget.known_filters_s or 0.0), 0.0)
+    return VehicleNumber(value=own_s, unit="s", source="derived", std=std, of=of)
 
 
 def _of_speeds(model: IdentifiedModel) -> dict[str, VehicleNumber]:
@@ -374,15 +428,14 @@ def dropped_numbers(
     return found
 
 
-def _delay_std(model: IdentifiedModel) -> float | None:
-    """Of the delay to the first output that has one, by its own parameters: with a lag their sum is known better."""
-    (pair, first), *_ = ((pair, budget) for pair, budget in model.delays.items() if budget.total_s > 0.0)
+def _delay_std(model: IdentifiedModel, pair: str) -> float | None:
+    """Of the delay of a response, by its own parameters: with a lag their sum is known better."""
     output, _, command = pair.partition("/")
     of = model.structure
     entries = of.input_delays[of.inputs.index(command)], of.output_delays[of.outputs.index(output)]
     names = {name for entry in entries for name in entry.names}
     stds = [estimate.std for name, estimate in model.parameters.items() if name in names and estimate.std]
-    return math.hypot(*stds) if stds else first.total_std_s
+    return math.hypot(*stds) if stds else model.delays[pair].total_std_s
 
 
 def combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, float]) -> VehicleNumber:
@@ -395,11 +448,14 @@ def combined(name: str, found: Sequence[VehicleNumber], known: Mapping[str, floa
     """
     if len(found) == 1 or name in known:
         return found[0]
-    if name == "delay":
+    if name.startswith("delay"):
         # Each log and each filter adds its own: what is not in all of them is not the vehicle's.
         return min(found, key=lambda number: number.value)
     if name == "reference_v":
         return found[0]
+    if name == "z_imu":
+        # Each axis has its own estimate of it, some of little worth: nothing else follows from it.
+        return min(found, key=lambda number: math.inf if number.std is None else number.std)
     certain = [number for number in found if not number.std]
     measured = [number for number in found if number.std]
     if certain:

@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from rotorid.autopilots.filters import butterworth_low_pass
-from rotorid.autopilots.registry import named
 from rotorid.checking.flight import range_findings
 from rotorid.data.axes import ATTITUDE
 from rotorid.data.base import Immutable
@@ -26,6 +24,7 @@ from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.excitation.sticks import everyday_stick
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flying.settings import SimulateSettings
+from rotorid.flying.vehicle_answers import logged_late_s
 from rotorid.frames import quaternion_from_euler
 from rotorid.io.files import sha256_of
 from rotorid.io.formats import WRITERS
@@ -315,8 +314,8 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
     About level flight where it flew at one speed; without derivatives where the speed changed.
 
     A delay is what the log shows: that of the path, half a tick, for which commands are held on average, and what
-    stands between the motion and its channel, see :func:`logged_late_s`. Rotors without lag push at once: the
-    accelerometer shows their thrust at the first tick after the delay of the path.
+    stands between the motion and its channel, see :func:`~rotorid.flying.vehicle_answers.logged_late_s`. Rotors
+    without lag push at once: the accelerometer shows their thrust at the first tick after the delay of the path.
     """
     first, last = speed_m_s
     derivatives = hover_derivatives_of(craft.vehicle, craft.autopilot, airspeed_m_s=first) if first == last else {}
@@ -331,18 +330,6 @@ def truth_of(craft: Aircraft, speed_m_s: tuple[float, float] = (0.0, 0.0)) -> di
     # A rotor that speeds up and slows down with different lags shows the mean of the two.
     values["T_motor"] = craft.vehicle.rotors.mean_lag_s
     return {name: TrueValue(value=_clean(values[name]), unit=unit) for name, unit in units.items() if name in values}
-
-
-def logged_late_s(craft: Aircraft, axis: str) -> float:
-    """How late the log shows the motion of an axis: the autopilot's filters, or the mean over a turn of its loop."""
-    autopilot = craft.autopilot
-    if named(autopilot.kind).adds_sweeps:
-        # The force of rotors without lag does not change in a turn, so that its mean is not late.
-        even = axis == "thrust" and not craft.vehicle.rotors.lag_up_s
-        return 0.0 if even else 0.5 / autopilot.rate_hz
-    cutoff_hz = autopilot.accelerometer_cutoff_hz if axis == "thrust" else autopilot.gyro_cutoff_hz
-    lag_s = craft.sensors.accelerometer_lag_s if axis == "thrust" else craft.sensors.gyro_lag_s
-    return lag_s + (butterworth_low_pass(cutoff_hz, autopilot.rate_hz).delay_s if cutoff_hz > 0.0 else 0.0)
 
 
 def _clean(value: float) -> float:

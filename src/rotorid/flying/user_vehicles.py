@@ -18,14 +18,16 @@ from rotorid.data.record import AXES
 from rotorid.errors import UsageError
 from rotorid.fitting.flight.fit import FlightRange
 from rotorid.flights.controllers import controllers_of_result
+from rotorid.flying.known_by_results import layout_of_result
 from rotorid.flying.vehicle_air import PLACE
+from rotorid.flying.vehicle_answers import ANSWERS, answer_remarks, answering, delays_of
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle, require
+from rotorid.flying.vehicle_hover import knows_hover
 from rotorid.flying.vehicle_numbers import MOTION, UNITS, VehicleNumber
-from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.autopilot import Autopilot
-from rotorid.simulation.linearization import hover_derivatives_of, hover_slopes
+from rotorid.simulation.linearization import hover_slopes
 from rotorid.simulation.multirotor import Multirotor, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.typing import Axis
@@ -77,7 +79,7 @@ class OwnVehicle(Immutable):
     @property
     def has_motors(self) -> bool:
         """Whether thrust and hover are those of the results, and not of the other vehicle."""
-        return any(model.motors is not None for model in self.joined.models)
+        return any(model.motors is not None or knows_hover(model) for model in self.joined.models)
 
 
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
@@ -102,6 +104,8 @@ def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
     torque = float(np.polynomial.polynomial.polyval(share, rotors.torque_curve))
     if torque > 0.0:
         values["kappa"] = torque / rotors.thrust_at(share)
+    elif vehicle.effectiveness is not None:
+        values["kappa"] = float(np.abs(vehicle.effectiveness[5]).mean())
     if rotors.inertia_kg_m2:
         values["h"] = rotors.inertia_kg_m2 * rotors.full_speed_rad_s
     values["delay"] = float(np.mean(craft.autopilot.delay_s))
@@ -151,13 +155,24 @@ def own_vehicle(
     if delayed and not of_speeds and not any(_identified(model, "T_motor") for model in models):
         # The delay that was identified stands for the lag too.
         del usual["T_motor"]
-    layout = None if flown else like.vehicle.rotors.layout
-    joined = joined_vehicle(models, given=given, name=name, usual=usual, layout=layout)
-    answering = _answering(joined, like)
-    if answering:
-        joined = joined_vehicle(models, given=given, name=name, usual={**usual, **answering}, layout=layout)
-    body = require(joined, target="simulation")
-    autopilot, taken = _autopilot(joined, body, like)
+    # Its arm is one of the usual numbers.
+    known = any(layout_of_result(model) is not None for model in models)
+    layout = None if known else replace(like.vehicle.rotors.layout, arm_known=False)
+
+    def made(others: Mapping[str, VehicleNumber]) -> JoinedVehicle:
+        return joined_vehicle(models, given=given, name=name, usual={**usual, **others}, layout=layout)
+
+    def craft_of(joined: JoinedVehicle) -> Aircraft:
+        body = require(joined, target="simulation")
+        autopilot = _autopilot(joined, body, like)[0]
+        return Aircraft(vehicle=body, autopilot=autopilot, sensors=_sensors(joined, like.sensors))
+
+    joined = made(answering(made, craft_of, models, usual))
+    craft = craft_of(joined)
+    joined = replace(joined, findings=(*joined.findings, *answer_remarks(craft, models)))
+    _, taken = _autopilot(joined, craft.vehicle, like)
+    if layout is not None:
+        taken = ["the places of the rotors", *taken]
     words = [
         f"{key} = {number.value:.4g} {number.unit}"
         for key, number in joined.numbers.items()
@@ -165,10 +180,10 @@ def own_vehicle(
     ]
     return OwnVehicle(
         joined=joined,
-        aircraft=Aircraft(vehicle=body, autopilot=autopilot, sensors=_sensors(joined, like.sensors)),
+        aircraft=craft,
         like=like.name,
         taken=(*words, *taken, "noise of the sensors"),
-        answers=tuple(axis for axis, (moment, _) in _ANSWERS.items() if joined.numbers[moment].source != "default"),
+        answers=tuple(axis for axis, (moment, _) in ANSWERS.items() if joined.numbers[moment].source != "default"),
     )
 
 
@@ -185,34 +200,6 @@ def _identified(model: IdentifiedModel, name: str) -> bool:
 
 
 _DELAYS = ("tau_roll", "tau_pitch", "tau_yaw", "tau_thrust", "tau")
-_ANSWERS: Mapping[Axis, tuple[str, str]] = {
-    "roll": ("I_xx", "L_roll"),
-    "pitch": ("I_yy", "M_pitch"),
-    "yaw": ("I_zz", "N_yaw"),
-}
-"""Axis to its moment of inertia, and to how a command accelerates it."""
-
-
-def _answering(joined: JoinedVehicle, like: Aircraft) -> dict[str, VehicleNumber]:
-    """Moments of inertia that follow from rate models, where no result has them.
-
-    The moment of a command is that of the other vehicle's rotors, so that with it :math:`I = M / L` gives the
-    acceleration L that was identified; as an inertia it is as wrong as that moment.
-    """
-    body = require(joined, target="simulation")
-    usual = hover_derivatives_of(body, _autopilot(joined, body, like)[0])
-    rates = [model for model in joined.models if family_of(model.structure).of_rates]
-    found: dict[str, VehicleNumber] = {}
-    for moment, control in _ANSWERS.values():
-        own = next((model for model in rates if control in model.parameters), None)
-        number = joined.numbers[moment]
-        if own is None or number.source != "default" or not own.parameters[control].value > 0.0:
-            continue
-        value = number.value * usual[control] / own.parameters[control].value
-        if value > 0.0:
-            words = f"{control} of {own.name}, with the rotors of {like.name}"
-            found[moment] = VehicleNumber(value=value, unit=UNITS[moment], source="derived", of=words)
-    return found
 
 
 def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple[Autopilot, list[str]]:
@@ -225,14 +212,15 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
         own = with_gains(like, gains, source="the log").autopilot
     else:
         taken.append("gains and filters")
-    late_s = joined.numbers.get("delay")
-    if late_s is not None and late_s.source != "default":
-        own = replace(own, delay_s=(max(late_s.value, 0.0),) * 4)
+    own = replace(own, delay_s=delays_of(joined, replace(like, vehicle=body, autopilot=own)))
     known = [model.motors for model in joined.models if model.motors is not None]
     if any(physics.outputs == "thrust_demand" and physics.straightening is not None for physics in known):
         taken.append("no curve from demand to output: the logs knew demands of thrust, and outputs here are these")
     same_rotors = like.vehicle.rotors.layout.rotors == body.rotors.layout.rotors
-    if own.kind != "simple" or not same_rotors:
+    mixers = [model.rotors.mixer for model in joined.models if model.rotors is not None]
+    if own.kind == "simple" and mixers and len(mixers[0]) == body.rotors.layout.rotors:
+        own = replace(own, mixer=np.array(mixers[0]))
+    elif own.kind != "simple" or not same_rotors:
         own = replace(own, mixer=None)
     line = _linearization(joined, own)
     own = replace(own, linearization=line, parameters={**own.parameters, **_logged(own, body.rotors.layout, line)})
@@ -296,7 +284,7 @@ def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (
         factor *= hovers / throttle
         found = changed(craft, {"thrust": factor})
     inertia = dict(zip(("I_xx", "I_yy", "I_zz"), craft.vehicle.inertia_kg_m2.diagonal().tolist(), strict=True))
-    kept = {_ANSWERS[axis][0]: factor * inertia[_ANSWERS[axis][0]] for axis in answers}
+    kept = {ANSWERS[axis][0]: factor * inertia[ANSWERS[axis][0]] for axis in answers}
     found = changed(found, kept)
     return replace(found, autopilot=_hovering(found.autopilot, found.vehicle, craft))
 

@@ -54,7 +54,7 @@ AIR_UNITS: Mapping[str, str] = MappingProxyType(
 )
 """Names of :data:`rotorid.models.flight.FLIGHT_PARAMETERS`, by outputs in place of speeds."""
 
-PLACE = ("x_imu", "y_imu", "z_imu")
+PLACE: tuple[str, ...] = ("x_imu", "y_imu", "z_imu")
 """Where the accelerometer is, from the center of gravity, in meters."""
 
 _PER_SPEED = ("c_lambda", "k_d", "c_h", "m_f", "m_fx", "m_s", "k_r", "J_r")

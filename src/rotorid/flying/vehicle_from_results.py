@@ -260,7 +260,7 @@ def joined_vehicle(
     flown = [model for model in models if model.motors is not None]
     assumed = _assumed(flown, known, usual or {})
     in_force = {**known, **{key: number.value for key, number in assumed.items()}}
-    rotors, arm = rotors_of(flown, in_force, layout, usual or {})
+    rotors, arm = rotors_of(models, in_force, layout, usual or {})
     numbers = joined_numbers(models, flown, in_force)
     if arm is not None:
         numbers["arm"] = arm

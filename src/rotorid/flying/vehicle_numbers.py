@@ -46,6 +46,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "T_motor_up": "s",
         "T_motor_down": "s",
         "delay": "s",
+        **dict.fromkeys(("delay_roll", "delay_pitch", "delay_yaw", "delay_thrust"), "s"),
         "X_u": "1/s",
         "Y_v": "1/s",
         "Z_w": "1/s",

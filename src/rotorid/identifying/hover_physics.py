@@ -10,14 +10,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.flights import Flight
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
-from rotorid.models.hover_layouts import GEOMETRY, HOVER, physical_hover
+from rotorid.models.hover_layouts import GEOMETRY, HOVER, physical_hover, plain_mixer
 from rotorid.models.rotors import RotorLayout
 from rotorid.models.structure import LinearStructure
+from rotorid.results.summary import HoverRotors
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.motors import chosen_layout
+from rotorid.signal.motors import logged_outputs, or_none
 
 _WHAT: Mapping[str, str] = {
     "m": "mass m in kg (--fix m=VALUE)",
@@ -61,6 +66,44 @@ def hover_of_vehicle(records: Sequence[FlightRecord], settings: IdentifySettings
     for name, value in {**{n: v for n, v in settings.fix.items() if n in GEOMETRY}, **lengths}.items():
         parameters = parameters.fix(name, value)
     return replace(structure, parameters=parameters)
+
+
+def rotors_of_hover(name: str, flights: Sequence[Flight], settings: object) -> HoverRotors | None:
+    """The rotors of the vehicle that flew and their mean output; ``None`` of another model.
+
+    Parameters
+    ----------
+    name
+        Of the model.
+    flights
+        That were fitted.
+    settings
+        Choices of the run.
+    """
+    if name != HOVER or not flights or not isinstance(settings, IdentifySettings):
+        return None
+    record = flights[0].record
+    layout = _layout([record], settings)
+    mixer = mixer_of(layout, record.source.format)
+    outputs = [mean for flight in flights if (mean := _mean_output(flight, layout.rotors)) is not None]
+    return HoverRotors(
+        layout=layout.name,
+        rotors=tuple(map(tuple, (layout.positions / layout.arm).tolist())),
+        spins=tuple(layout.spins.tolist()),
+        mixer=tuple(map(tuple, (plain_mixer(layout) if mixer is None else mixer).tolist())),
+        hover_output=float(np.mean(outputs)) if outputs else None,
+    )
+
+
+def _mean_output(flight: Flight, rotors: int) -> float | None:
+    """Mean output of all motors during a maneuver about hover, where the log has them as shares of the largest."""
+    history = or_none(logged_outputs, flight.record)
+    if history is None or history.motors != rotors:
+        return None
+    start_s, stop_s = flight.maneuver.start_s, flight.maneuver.stop_s
+    inside = history.values[:, (history.time_s >= start_s) & (history.time_s <= stop_s)]
+    mean = float(np.nanmean(inside)) if inside.size and np.isfinite(inside).any() else 0.0
+    return mean if 0.0 < mean < 1.0 else None
 
 
 def _layout(records: Sequence[FlightRecord], settings: IdentifySettings) -> RotorLayout:

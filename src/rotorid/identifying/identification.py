@@ -17,6 +17,7 @@ from rotorid.flights.controllers import controllers_of
 from rotorid.flights.same_vehicle import require_one_vehicle
 from rotorid.identifying.derivation import derivation, derivation_findings
 from rotorid.identifying.families import logged_by_all, method_of
+from rotorid.identifying.hover_physics import rotors_of_hover
 from rotorid.identifying.methods import Fitted, Method, Prepared
 from rotorid.identifying.motors import Motors
 from rotorid.io.records import as_records
@@ -118,6 +119,7 @@ def identify_by(
         ),
         motors=report.motors,
         flight=report.flight,
+        rotors=rotors_of_hover(fitted.structure.name, data.flights, method.settings),
         nonlinear=report.nonlinear,
         derived=derived,
         controller=controller_settings(records),

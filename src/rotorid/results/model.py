@@ -32,6 +32,7 @@ from rotorid.results.summary import (
     DerivedSummary,
     Fit,
     FlightPhysics,
+    HoverRotors,
     MotorPhysics,
     PairCost,
     ParameterEstimate,
@@ -222,6 +223,8 @@ class IdentifiedModel(Immutable):
         Rotors and thrust, of ``physical.motors`` and ``physical.flight``.
     flight
         Air and range, of ``physical.flight``.
+    rotors
+        Rotors, of ``physical.hover``.
     nonlinear
         The equations with their identified values, of a nonlinear model; ``structure`` is then its small motion about
         rest.
@@ -260,6 +263,7 @@ class IdentifiedModel(Immutable):
     combinations: tuple[UnseenCombination, ...] = ()
     motors: MotorPhysics | None = None
     flight: FlightPhysics | None = None
+    rotors: HoverRotors | None = None
     nonlinear: NonlinearStructure | None = None
     derived: DerivedSummary | None = None
     controller: ControllerSettings | None = None

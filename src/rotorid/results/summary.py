@@ -370,6 +370,22 @@ class MotorPhysics:
     load_factor: float | None = None
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HoverRotors:
+    """Rotors of a fit of ``physical.hover``.
+
+    ``rotors`` are positions forward, right and down in units of the arm, with the direction of their torque (+1 turns
+    the nose right); ``mixer`` is what commands of roll, pitch, yaw and thrust add to the output of each, and
+    ``hover_output`` the mean output of the fitted flights, or ``null`` where the log has none.
+    """
+
+    layout: str
+    rotors: tuple[tuple[float, ...], ...]
+    spins: tuple[float, ...]
+    mixer: tuple[tuple[float, ...], ...]
+    hover_output: float | None = None
+
+
 VelocityClass: TypeAlias = Literal["measured", "attitude", "none"]
 
 
