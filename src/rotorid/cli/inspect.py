@@ -36,7 +36,7 @@ Plot: TypeAlias = Annotated[Path | None, Option("--plot", "Write a picture of th
 FILE, REPORT = "inspect.json", "report.html"
 _MOST_SKEWS = 6
 _MOST_CANDIDATES = 3
-_SHOWN_ELSEWHERE = ("airborne", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
+_SHOWN_ELSEWHERE = ("airborne", "bench_log", "clock_skew", "kinematic_consistency", "kinematics_unchecked")
 """Kinds that have lines of their own; only their warnings are printed again."""
 
 
@@ -211,7 +211,15 @@ def _print(
 def _no_flight(inspection: Inspection) -> str:
     if any(finding.kind == "never_airborne" for finding in inspection.findings):
         return "this log contains no flight"
+    if bench := of_bench(inspection):
+        return bench
     return "this log does not show whether the vehicle flew"
+
+
+def of_bench(inspection: Inspection) -> str:
+    """That a log is of a bench, and with what; empty for others."""
+    found = next((finding.message for finding in inspection.findings if finding.kind == "bench_log"), "")
+    return found.removeprefix(f"{inspection.name} is ").rstrip(".")
 
 
 def in_hertz(inspection: Inspection) -> bool:
@@ -227,6 +235,8 @@ def _head(inspection: Inspection) -> Iterator[str]:
     volts = f", battery {battery.start_v:.2f} to {battery.stop_v:.2f} V" if battery else ""
     span = f"{inspection.start_s:.1f} to {inspection.stop_s:.1f} s"
     yield f"{inspection.name}  {inspection.format}{firmware}, {span}{volts}"
+    if bench := of_bench(inspection):
+        yield bench
     if inspection.flights:
         spans = ", ".join(f"{flight.start_s:.1f} to {flight.stop_s:.1f} s" for flight in inspection.flights)
         yield f"in the air {spans}"

@@ -34,6 +34,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.measuring import MeasureSettings
 from rotorid.signal.airborne import airborne_by_thrust
+from rotorid.signal.bench import driven_motors, is_bench
 from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import (
     candidate_excitations,
@@ -44,6 +45,7 @@ from rotorid.signal.excitations import (
     rich_excitations,
     verifying_excitations,
 )
+from rotorid.signal.limits import limited_share
 from rotorid.typing import Axis
 
 
@@ -181,11 +183,33 @@ def whole_flights(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list
     """The airborne part of each record in which no excitation is found."""
     flights = []
     for record in records:
+        if is_bench(record):
+            raise _nothing_moved(record, axes)
         start_s, stop_s = longest_flight(record, or_whole=False)
         flights.append(
             Flight(record, Maneuver(axis=axes[0], kind="other", start_s=start_s, stop_s=stop_s, origin="found"))
         )
     return flights
+
+
+def _nothing_moved(record: FlightRecord, axes: Sequence[Axis]) -> InsufficientDataError:
+    """No motor of a bench was moved on purpose, or what moved them does not show it."""
+    wanted = " or ".join(axes)
+    shares = {name: limited_share(record[name].values) for name in driven_motors(record)}
+    limited = [f"{name} for {share:.0%}" for name, share in shares.items() if share > _LIMITED]
+    why = f"; at a limit were {', '.join(limited)} of the time" if limited else ""
+    came = f"{record.source.name} contains no sweep of single motors that moves {wanted}{why}"
+    segment = f"--segment {axes[0]}:{record.start_s:.4g}:{record.stop_s:.4g}"
+    return InsufficientDataError(
+        came,
+        needed="a sweep of each motor for a minute or more, within its limits",
+        remedy=f"plan one with rotorid design sweep --vehicle rig, or name what was one: {segment}",
+        findings=[refusal("no_excitation", wanted, f"{came}.")],
+    )
+
+
+_LIMITED = 0.02
+"""Share of the time at a limit from which it may hide a sweep."""
 
 
 def by_stick(records: Sequence[FlightRecord], axes: Sequence[Axis]) -> list[Flight]:

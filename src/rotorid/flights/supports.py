@@ -32,7 +32,7 @@ from rotorid.models.families import FAMILIES, RATE_AXIS, Needs, family_of, rate_
 from rotorid.models.library import RATE_AXES, library_model
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne
-from rotorid.signal.bench import is_bench
+from rotorid.signal.bench import bench_words, is_bench
 from rotorid.signal.excitations import (
     candidate_excitations,
     find_excitations,
@@ -176,7 +176,11 @@ def unsupported(records: Sequence[FlightRecord], model: str) -> InsufficientData
     needed = ", ".join(need.need for need in support.needs if not need.there and need.need != _INSTRUMENT)
     message = f"{record.source.name}: {support.because}"
     others = f" (the best of {len(each)} logs)" if len(each) > 1 else ""
-    where = model if support.lacks in ("other_vehicle", "oscillation") else _where(record, model, support.lacks)
+    where = (
+        model
+        if support.lacks in ("other_vehicle", "bench_log", "oscillation")
+        else _where(record, model, support.lacks)
+    )
     return InsufficientDataError(
         f"{message}{others}",
         needed=needed,
@@ -213,7 +217,15 @@ def supporting_logs(records: Sequence[FlightRecord], model: str) -> tuple[Sequen
     return [record for record in records if id(record) not in ruled_out] if ruled_out else records, tuple(findings)
 
 
-_CLOSER = ("other_vehicle", "missing_channel", "rate_too_low", "never_airborne", "oscillation", "no_excitation")
+_CLOSER = (
+    "other_vehicle",
+    "bench_log",
+    "missing_channel",
+    "rate_too_low",
+    "never_airborne",
+    "oscillation",
+    "no_excitation",
+)
 """Kinds of what a log lacks, the one that comes closest to a model last."""
 
 
@@ -372,11 +384,17 @@ def segment_of(axis: str, start_s: float, stop_s: float) -> str:
 
 
 def _no_vehicle(record: FlightRecord) -> Support | None:
-    """The refusal of a log of another vehicle than a multirotor."""
+    """The refusal of a log of another vehicle than a multirotor, or of a bench."""
+    if is_bench(record):
+        needs = (Need(need="a vehicle that flies", there=False, found=bench_words(record)),)
+        return Support(possible=False, because=ON_A_BENCH, needs=needs, lacks="bench_log")
     if not record.status.foreign:
         return None
     needs = (Need(need="a multirotor", there=False, found=record.status.vehicle),)
     return Support(possible=False, because=foreign_vehicle(record), needs=needs, lacks="other_vehicle")
+
+
+ON_A_BENCH = "the log is of a bench, where nothing flies"
 
 
 def foreign_vehicle(record: FlightRecord) -> str:
@@ -700,6 +718,9 @@ def _rig_support(record: FlightRecord, model: str) -> Support | None:
     motors, axes, outputs = library_model(model).inputs, family.axes[model], family.outputs[model]
     flights = [Flight(record, m) for axis in axes for m in rich_excitations(record, axis)]
     missing = [name for name in motors if name not in record.channel_names]
+    if len(axes) == 1 and len(missing) < len(motors):
+        # One voltage may drive both motors of an axis, and one motor may stand still.
+        motors, missing = tuple(name for name in motors if name not in missing), []
     instruments = [name for motor in motors if (name := own_instrument(flights, motor))] if flights else []
     unswept = [axis for axis in axes if not any(flight.axis == axis for flight in flights)]
     logged = [name for name in outputs if name in record.channel_names]

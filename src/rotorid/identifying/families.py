@@ -88,7 +88,19 @@ def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
 
 def _linear(model: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
     structure = resolve_model(model, outputs=settings.outputs, logged=logged_by_all(records))
-    return _of_structure(in_logged_units(structure, records), settings)
+    return _of_structure(in_logged_units(_of_logged_motors(structure, records), records), settings)
+
+
+def _of_logged_motors(structure: LinearStructure, records: Sequence[FlightRecord]) -> LinearStructure:
+    """A model of one axis on a pivot without the motors that no log has, which then stand still or are in a difference.
+
+    Of two motors that work against each other the axis shows the difference alone: where one voltage drives both, it is
+    that.
+    """
+    logged = [name for name in structure.inputs if any(name in record.channel_names for record in records)]
+    family = family_of(structure)
+    single = family.needs == "single motors" and len(family.axes.get(structure.name, ())) == 1
+    return structure.select(inputs=logged) if single and 0 < len(logged) < len(structure.inputs) else structure
 
 
 def _hover(_: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:

@@ -530,10 +530,13 @@ def _fault_findings(topic: Topic, fault: _Faults) -> Iterator[Finding]:
             if impossible
             else "no sample is a number"
         )
+        # A motor in volts or µs is one without its unit.
+        benches = impossible and name in _OUTPUTS and fault.channel.unit == "1"
+        remedy = f"Write its unit, such as {name} [V] or [us]" if benches else "Check its unit and its source"
         yield warn(
             "impossible_value",
             name,
-            f"{where} ({fault.channel.source}) was left out as a whole: {reason}. Check its unit and its source.",
+            f"{where} ({fault.channel.source}) was left out as a whole: {reason}. {remedy}.",
             samples=fault.bad.size,
             impossible=impossible,
         )

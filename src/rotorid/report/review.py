@@ -30,7 +30,7 @@ from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.baseline import left_out_words
 from rotorid.reviewing.card import Card
-from rotorid.reviewing.cards import cards, no_flight, without_sweep
+from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import (
@@ -378,7 +378,7 @@ def headline(review: Review) -> str:
     craft, air = review.vehicle, review.flight
     what = ", ".join(part for part in (craft.kind, craft.frame, craft.firmware or craft.autopilot) if part)
     if not air.flights:
-        return f"{what or 'Unknown vehicle'}: {no_flight(review).replace('This', 'this', 1)}"
+        return f"{what or 'Unknown vehicle'}: {(of_bench(review) or no_flight(review)).replace('This', 'this', 1)}"
     spans = ", ".join(f"{start_s:.1f} to {stop_s:.1f} s" for start_s, stop_s in air.flights)
     total_s = sum(stop_s - start_s for start_s, stop_s in air.flights)
     count = counted(len(air.flights), "flight")

@@ -58,6 +58,7 @@ from rotorid.reviewing.values import (
 from rotorid.settings.option import as_settings
 from rotorid.settings.verbs import with_verbs
 from rotorid.signal.airborne import control_of, not_flown
+from rotorid.signal.bench import is_bench
 from rotorid.signal.control import Control, shows_control
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_gyro, dead_sensor_findings
 from rotorid.signal.oscillations import check_oscillations
@@ -360,7 +361,9 @@ def _with_thrust_of(
 def next_commands(record: FlightRecord, reviewed: Review) -> tuple[str, ...]:
     """The commands that lead on from here, for this very log."""
     identified = {name: model for name, model in reviewed.models.items() if isinstance(model, IdentifiedModel)}
-    known = KnownOfLog(record=record, models=tuple(identified), identified=tuple(identified.values()))
+    # A bench has nothing to review; its models are the answer.
+    of_bench = [name for name, found in supports(record).items() if found.possible] if is_bench(record) else []
+    known = KnownOfLog(record=record, models=(*identified, *of_bench), identified=tuple(identified.values()))
     if not reviewed.oscillations:
         # A log that swings shows the limits of its loops, and a sweep on top of them would not be a safe flight.
         loop = next(iter(reviewed.loops.values()), None)

@@ -74,9 +74,17 @@ def no_flight(review: Review) -> str:
     """That a log contains no flight, or does not show whether it does, as a sentence."""
     if failed := next((gap.why for gap in review.cannot_tell if gap.what == "flight" and gap.fault), ""):
         return failed
+    if of_bench(review):
+        return "This log is of a bench, where nothing flies."
     if _never_flew(review) or _gap(review, "flight") is None:
         return "This log contains no flight."
     return "This log does not show whether the vehicle flew."
+
+
+def of_bench(review: Review) -> str:
+    """That a log is of a bench, and with what, as a sentence; empty for others."""
+    found = next((finding.message for finding in review.findings if finding.kind == "bench_log"), "")
+    return found.replace(review.name, "This", 1)
 
 
 def _never_flew(review: Review) -> bool:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.base import cached_by_value
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord, Intervals, Maneuver, silences
 from rotorid.errors import InsufficientDataError
@@ -374,7 +375,7 @@ def _of_a_bench(record: FlightRecord) -> InsufficientDataError:
     return InsufficientDataError(
         came,
         needed=f"a log of a flight, with {_NOTHING_LOGGED}",
-        remedy="identify it with --model rig.roll, rig.attitude or a model of your own",
+        remedy="use rotorid identify with --model rig.roll, or with a model of your own",
         findings=[remark("bench_log", record.source.name, f"{came}: motors and motion, nothing that flies.")],
     )
 
@@ -382,6 +383,14 @@ def _of_a_bench(record: FlightRecord) -> InsufficientDataError:
 def _unknown(record: FlightRecord) -> InsufficientDataError:
     """Nothing shows whether the vehicle flew."""
     dead = dead_sensor_findings(record)
+    refused = [finding.where for finding in record.findings if finding.kind == "impossible_value"]
+    motors = [name for name in refused if name.startswith("motor_") and name not in record.channel_names]
+    if motors and not dead:
+        return InsufficientDataError(
+            f"{listed(motors)} of {record.source.name} {'is' if len(motors) == 1 else 'are'} no share of full output",
+            needed="its unit" if len(motors) == 1 else "their units",
+            remedy=f"write it in the header, such as {motors[0]} [V], [us], [%] or [rpm], or as `unit` in a mapping",
+        )
     if not dead:
         return InsufficientDataError(
             f"{record.source.name} has neither thrust nor accelerometer nor gyro",

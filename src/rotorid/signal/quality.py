@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
+from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory, units_of
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.signal.limits import WARNED_SHARE, MotorLimits, limited_share
 from rotorid.signal.skew import CrossSpectrum, cross_spectrum
@@ -139,7 +139,12 @@ _FEW_VALUES = 4
 
 
 def _is_input(name: str) -> bool:
-    return name in {f"{axis}_command" for axis in AXES}
+    return name in {f"{axis}_command" for axis in AXES} or _is_motor(name)
+
+
+def _is_motor(name: str) -> bool:
+    """Whether a channel drives a motor, in a unit whose range is not known."""
+    return len(units_of(name)) > 1 and not name.endswith("_excitation")
 
 
 def _saturated(name: str, values: FloatArray) -> float:
@@ -148,6 +153,8 @@ def _saturated(name: str, values: FloatArray) -> float:
     if np.unique(values).size <= _FEW_VALUES:
         # A random binary signal stands at its levels on purpose.
         return 0.0
+    if _is_motor(name):
+        return limited_share(values)
     # A thrust that goes below zero is counted from hover, and zero is no end of its range.
     signed = float(np.mean(values < -_HARD_LIMIT)) >= _HARD_LIMIT
     lowest = 0.0 if name == "thrust_command" and not signed else -1.0

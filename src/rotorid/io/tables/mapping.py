@@ -396,7 +396,7 @@ def _check_whole(mapping: ChannelMapping, where: str) -> None:
 
 
 def _clock(value: object, where: str) -> Clock:
-    values = table(value, where)
+    values = {"time": _in_brackets(value)} if isinstance(value, str) else table(value, where)
     only_keys(values, _CLOCK_KEYS, where)
     if len(values) != 1:
         raise UsageError(
@@ -553,8 +553,8 @@ def read_frames(values: Mapping[str, Any], where: str, outer: Frames | None = No
 
 
 def _read_channel(name: str, value: object, frames: Frames, where: str) -> MappedChannel:
-    """A table ``[channels.NAME]``."""
-    values = table(value, where)
+    """A table ``[channels.NAME]``, or a source with its unit alone: ``"U3 [V]"``."""
+    values = _in_brackets(value) if isinstance(value, str) else table(value, where)
     only_keys(values, _CHANNEL_KEYS, where)
     if name not in STANDARD_UNITS:
         _check_own_name(name, values, where)
@@ -566,6 +566,12 @@ def _read_channel(name: str, value: object, frames: Frames, where: str) -> Mappe
     if name in STANDARD_UNITS:
         series = read_frames(values, where, frames).turned(name, series)
     return MappedChannel(name=name, samples=series, time=_own_time(values, where), where=where)
+
+
+def _in_brackets(words: str) -> Mapping[str, str]:
+    """Source and unit of words such as ``U3 [V]``."""
+    source, _, unit = words.strip().removesuffix("]").rpartition(" [")
+    return {"source": source.strip(), "unit": unit.strip()} if source else {"source": words.strip()}
 
 
 def _steps(values: Mapping[str, Any], where: str) -> dict[str, Any]:

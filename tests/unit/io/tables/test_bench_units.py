@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorid.errors import UsageError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.registry import read
 from rotorid.io.tables.csv import write_csv
+from rotorid.signal.airborne import airborne
 
 TIME_S = np.arange(0.0, 20.0, 0.01)
 SINE = np.sin(2.0 * TIME_S)
@@ -92,3 +93,25 @@ def test_what_was_written_in_volts_reads_back(tmp_path: Path) -> None:
     record = read(tmp_path / "a.csv")
     assert (record["motor_1"].unit, record["phi"].unit) == ("V", "rad")
     np.testing.assert_allclose(record["motor_1"].values, 6.0 + SINE, rtol=1e-6)
+
+
+def test_a_line_of_a_mapping_is_a_source_with_its_unit(tmp_path: Path) -> None:
+    rows = np.column_stack([1e3 * TIME_S, 6.0 + SINE, 5.0 * SINE])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,U 3,angle", comments="", fmt="%.8g")
+    short = 'clock = "t [ms]"\nchannels.motor_3 = "U 3 [V]"\nchannels.phi = "angle [deg]"\n'
+    (tmp_path / "a.toml").write_text(short, encoding="utf-8")
+    record = read(tmp_path / "a.csv", mapping=tmp_path / "a.toml")
+    np.testing.assert_allclose(record["motor_3"].values, 6.0 + SINE, rtol=1e-6)
+    np.testing.assert_allclose(record["phi"].values, np.radians(5.0 * SINE), atol=1e-6)
+    np.testing.assert_allclose(record["phi"].time_s, TIME_S, atol=1e-6)
+
+
+def test_a_motor_without_a_unit_asks_for_it(tmp_path: Path) -> None:
+    file = table(tmp_path, "1", 6.0, 1.3)
+    found = read(file)
+    assert [finding.kind for finding in found.findings] == ["impossible_value"]
+    assert "Write its unit, such as motor_3 [V]" in found.findings[0].message
+    with pytest.raises(
+        InsufficientDataError, match=r"motor_3 of rig\.csv is no share of full output; this needs its unit"
+    ):
+        airborne(found)

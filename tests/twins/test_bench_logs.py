@@ -1,0 +1,90 @@
+"""A bench log of motors and an angle, nothing else: the rig's truth comes back, in the unit of the log.
+
+Written as a logger writes it, about the trim of each motor: no channel declares a test input. The angle carries noise
+of 5 %, a loop holds the rig, and its answers are in the inputs, so that the estimate is a direct one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rotorid
+from rotorid.data.record import FlightRecord
+from rotorid.documents.base import to_json
+from rotorid.documents.result import result_document
+from rotorid.errors import UsageError
+from rotorid.vehicles import rig
+
+MAP = """clock = "t"
+channels.motor_3 = "U3 [{unit}]"
+channels.motor_4 = "U4 [{unit}]"
+channels.phi = "angle [deg]"
+"""
+UNITS = {
+    "V": (6.0, 1.0, "N/V", rig.TRUTH["K_f"]),
+    "%": (50.0, 8.0, "N", rig.TRUTH["K_f"] / 0.08),
+    "us": (1500.0, 80.0, "N/us", rig.TRUTH["K_f"] / 80.0),
+    "rpm": (5000.0, 700.0, "N s/rad", rig.TRUTH["K_f"] / (700.0 * np.pi / 30.0)),
+}
+"""Unit of the log to its trim and size of a volt, unit of the thrust gain, and its truth."""
+
+
+def logged(folder: Path, unit: str, seed: int = 1) -> FlightRecord:
+    """The rig in a table with columns of one's own."""
+    (topic,) = rig.fly(("motor_3", "motor_4"), np.random.default_rng(seed)).topics
+    trim, size = UNITS[unit][:2]
+    motors = [trim + size * topic.values[topic.row(name)] for name in ("motor_3", "motor_4")]
+    rows = np.column_stack([topic.time_s, *motors, np.degrees(topic.values[topic.row("phi")])])
+    np.savetxt(folder / "rig.csv", rows, delimiter=",", header="t,U3,U4,angle", comments="", fmt="%.8g")
+    (folder / "rig.toml").write_text(MAP.format(unit=unit), encoding="utf-8")
+    return rotorid.read(folder / "rig.csv", mapping=folder / "rig.toml")
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_truth_comes_back_in_the_unit_of_the_log(tmp_path: Path, unit: str) -> None:
+    *_, gain_unit, truth = UNITS[unit]
+    model = rotorid.identify([logged(tmp_path, unit)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    expected = {"K_f": truth, "tau_3": rig.TRUTH["tau_3"], "tau_4": rig.TRUTH["tau_4"]}
+    for name, value in expected.items():
+        found = model.parameters[name]
+        assert abs(found.value - value) < 2.0 * found.std, name
+        assert found.std < 0.1 * value, name
+    assert model.parameters["K_f"].unit == gain_unit
+    assert f'"unit": "{gain_unit}"' in to_json(result_document(model))
+    assert {finding.kind for finding in model.findings} >= {"closed_loop_bias"}
+
+
+def test_inertia_follows_where_the_gain_is_known(tmp_path: Path) -> None:
+    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",), fix={"K_f": rig.TRUTH["K_f"]})
+    found = model.parameters["J_x"]
+    assert (found.unit, abs(found.value - rig.TRUTH["J_x"]) < 2.0 * found.std) == ("kg m^2", True)
+
+
+def test_motors_in_two_units_fit_no_model(tmp_path: Path) -> None:
+    logged(tmp_path, "V")
+    mixed = MAP.format(unit="V").replace("U4 [V]", "U4 [rpm]")
+    (tmp_path / "rig.toml").write_text(mixed, encoding="utf-8")
+    with pytest.raises(UsageError, match=r"motor_3 is in V and motor_4 is in rad/s; expected one unit"):
+        rotorid.identify([rotorid.read(tmp_path / "rig.csv", mapping=tmp_path / "rig.toml")], "rig.roll")
+
+
+def test_a_model_of_volts_predicts_no_log_of_pulses(tmp_path: Path) -> None:
+    for name in ("volts", "pulses"):
+        (tmp_path / name).mkdir()
+    volts, pulses = logged(tmp_path / "volts", "V"), logged(tmp_path / "pulses", "us", seed=2)
+    with pytest.raises(UsageError, match=r"are in us, and rig.roll is of motors in V"):
+        rotorid.identify([volts], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]}, verify=[pulses])
+
+
+def test_motors_at_their_limits_are_said(tmp_path: Path) -> None:
+    record = logged(tmp_path, "V")
+    topic = record.topics[0]
+    values = np.array(topic.values)
+    values[:2] = np.clip(values[:2], 5.7, 6.3)
+    clipped = replace(record, topics=(replace(topic, values=values),))
+    with pytest.raises(rotorid.InsufficientDataError, match=r"no sweep of single motors.*at a limit were motor_3 for"):
+        rotorid.identify([clipped], "rig.roll", outputs=("phi",))
