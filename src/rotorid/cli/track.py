@@ -26,7 +26,7 @@ def track_command(
         str,
         Option(
             "--model",
-            "rate.roll, rate.pitch, rate.yaw, or a result of identify for the same vehicle.",
+            "rate.roll, rate.pitch, rate.yaw, or a result of the same vehicle (rate.*, axis.*, hover.*).",
             metavar="NAME|RESULT",
             words=("rate.roll", "rate.pitch", "rate.yaw"),
         ),

@@ -36,7 +36,7 @@ def tune_command(
         list[Path],
         typer.Argument(
             metavar="RESULT|LOG...",
-            help="Logs, or results of identify --model rate.*, or both. Logs must contain the gains that were flown.",
+            help="Logs, or results of identify (rate.*, axis.*, hover.*), or both. Logs must contain the flown gains.",
         ),
     ],
     *,

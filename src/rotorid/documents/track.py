@@ -56,6 +56,7 @@ class TrackDocument(Document):
     schema_name: Annotated[Literal["rotorid.track/1"], Field(alias="schema")] = "rotorid.track/1"
     log: str = ""
     model: str = ""
+    axis: str = ""
     parameters: dict[str, float] = Field(default_factory=dict)
     parameter_stds: dict[str, float | None] = Field(default_factory=dict)
     parameter_units: dict[str, str] = Field(default_factory=dict)
@@ -94,6 +95,7 @@ def track_document(found: FlightTracking | Refused) -> TrackDocument:
             **common,
             "log": found.log,
             "model": found.model,
+            "axis": found.axis,
             "parameters": dict(found.parameters),
             "parameter_stds": dict(found.parameter_stds),
             "parameter_units": dict(found.parameter_units),

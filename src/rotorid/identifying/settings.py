@@ -5,7 +5,8 @@ from typing import Annotated
 
 from rotorid.data.trust import REFERENCE_S, STEP_SHARE
 from rotorid.errors import UsageError
-from rotorid.settings.option import Option, Settings
+from rotorid.settings.option import Option, Settings, Written, require_words
+from rotorid.typing import Axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +22,8 @@ class TrackSettings(Settings):
     thrust_exponent
         Power of the thrust command by which the gain grows, such as 0.8 for thrust that grows with its square; zero for
         linear thrust. Where it is not known it is taken from the reference if the throttle moved there.
+    axis
+        Whose rate is followed, of a result with several; the first by default.
     seed
         Of everything random; there is nothing.
 
@@ -40,8 +43,14 @@ class TrackSettings(Settings):
             "the first seconds]",
         ),
     ] = None
+    axis: Annotated[
+        Axis | None,
+        Option("--axis", "Axis to track, of a result with several rates. [default: the first]"),
+        Written("given"),
+    ] = None
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_words(self)
         if not 0.02 <= self.step_share <= 0.5:
             raise UsageError(f"--step {self.step_share:g} is out of range", needed="a share from 0.02 to 0.5")

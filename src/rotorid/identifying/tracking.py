@@ -20,9 +20,9 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, warn, worst_first
+from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
-from rotorid.errors import InsufficientDataError
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import find_instrument
 from rotorid.flights.same_vehicle import require_one_autopilot
@@ -137,8 +137,8 @@ def track(
     record
         A log, or its file.
     model
-        ``rate.roll``, ``rate.pitch`` or ``rate.yaw``, identified on the beginning of the flight, or such a model of the
-        same vehicle that was identified elsewhere.
+        ``rate.roll``, ``rate.pitch`` or ``rate.yaw``, identified on the beginning of the flight; or a result of the
+        same vehicle with such a rate: ``rate.*``, ``axis.*`` or ``hover.*``.
     settings
         Choices; everything has a default.
     **options
@@ -159,9 +159,7 @@ def track(
     chosen = as_settings(TrackSettings, settings, options)
     (log,) = as_records(record)
     name = model if isinstance(model, str) else model.name
-    axis = RATE_AXIS.get(name)
-    if axis is None:
-        raise no_such("model to track", name, tuple(RATE_AXIS))
+    axis, chosen_axis = _axis(model, chosen.axis)
     findings = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()
     if not isinstance(model, IdentifiedModel) and (error := unsupported([log], name)):
         raise error
@@ -186,7 +184,7 @@ def track(
         signals["command"],
         signals["rate"],
         signals["stick"],
-        predict=partial(predicted, fitted),
+        predict=partial(predicted, fitted, axis),
         thrust=signals.get("thrust"),
         thrust_exponent=chosen.thrust_exponent,
         start_s=start_s,
@@ -209,6 +207,7 @@ def track(
         findings=worst_first(
             [
                 *log.findings,
+                *chosen_axis,
                 *left_out,
                 *limits,
                 *(findings if isinstance(model, IdentifiedModel) else _reference_remarks(fitted)),
@@ -216,6 +215,37 @@ def track(
         ),
         provenance=provenance([log], chosen),
     )
+
+
+_TRACKED = tuple(name for name, axis in RATE_AXIS.items() if axis in RATE_OF)
+
+
+def _axis(model: str | IdentifiedModel, chosen: Axis | None) -> tuple[Axis, list[Finding]]:
+    """Whose rate is followed, with a remark where others could be.
+
+    Raises
+    ------
+    UsageError, ModelError
+        The model has no such rate.
+    """
+    if isinstance(model, IdentifiedModel):
+        name, axes = model.name, model.rate_axes
+    elif model in _TRACKED:
+        name, axes = model, (RATE_AXIS[model],)
+    else:
+        raise no_such("model to track", model, _TRACKED)
+    if not axes:
+        raise UsageError(
+            f"{name} has no rate by its command",
+            needed="a result of rate.*, axis.* or hover.* with p, q or r among its outputs",
+        )
+    if chosen is not None and chosen not in axes:
+        raise UsageError(f"{name} has no rate of {chosen}", needed=f"--axis {' or '.join(axes)}")
+    axis = chosen or axes[0]
+    others = " or ".join(f"--axis {other}" for other in axes if other != axis)
+    if chosen is not None or not others:
+        return axis, []
+    return axis, [remark("unused_choice", axis, f"{name} was tracked in {axis}. For another axis, add {others}.")]
 
 
 def _reference_remarks(reference: IdentifiedModel) -> Iterator[Finding]:
@@ -286,11 +316,11 @@ def _left_out(piece: TimeHistory, start_s: float, stop_s: float) -> Iterator[Fin
         )
 
 
-def predicted(model: IdentifiedModel, command: FloatArray) -> FloatArray:
-    """Rate of a model from its command at the rate of the tracker, from zero state."""
+def predicted(model: IdentifiedModel, axis: Axis, command: FloatArray) -> FloatArray:
+    """Rate of a model from its command at the rate of the tracker: the bounded motion, of unstable models too."""
     count = 2 * command.size
     omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / RATE_HZ)
-    response = model.response(np.maximum(omega, 1e-6))[0, 0]
+    response = model.rate_response(axis, np.maximum(omega, 1e-6))
     return np.asarray(np.fft.irfft(np.fft.rfft(command, count) * response, count)[: command.size])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +24,8 @@ from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
-_NO_PLANT = {"starts", "search", "evaluations", "bootstrap"}
-"""Choices of a search and of intervals, which do not change the plant."""
+_NO_PLANT = {"starts", "search", "evaluations", "bootstrap", "reduce", "outputs"}
+"""Choices of a search, of parameters and of intervals, which do not change the plant."""
 
 _WIDEST = 0.15
 _WITHOUT_SPEED_RAD_S = (3.0, 300.0)
@@ -32,11 +33,10 @@ _HZ = 2.0 * np.pi
 
 
 def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> IdentifiedModel:
-    """The rate model of an axis: a given one, or identified from the logs."""
+    """The result with the rate model of an axis: a given one, or identified from the logs."""
     name = rate_model_of(axis)
-    own = next((model for model in given if model.name == name), None)
-    if own is not None:
-        return own
+    if own := _with_rate(axis, given):
+        return own[0]
     motors = next((model for model in given if model.motors is not None), None)
     if not logs and motors is not None:
         raise InsufficientDataError(
@@ -44,7 +44,11 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
             remedy="give the log of that flight with the result",
         )
     if not logs:
-        raise InsufficientDataError(f"no model of {name} was given", remedy=f"run rotorid identify LOG --model {name}")
+        raise InsufficientDataError(
+            f"no model of {name} was given",
+            needed=f"{name}, or a model of axis.* or hover.* from {axis}_command to {RATE_OF[axis]}",
+            remedy=f"run rotorid identify LOG --model {name}",
+        )
     candidates = [record for record in logs if {f"{axis}_command", RATE_OF[axis]} <= set(record.channel_names)]
     if not candidates:
         raise unsupported(logs, name) or InsufficientDataError(
@@ -57,6 +61,13 @@ def rate_model(axis: Axis, given: Sequence[IdentifiedModel], logs: Sequence[Flig
         if not any(finding.kind == "poor_fit" for finding in error.findings):
             raise
         return identify(candidates, name, band_rad_s=_WITHOUT_SPEED_RAD_S)
+
+
+def _with_rate(axis: Axis, given: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+    """Results with the rate of an axis by its command, rate models first, then those of fewest inputs."""
+    name = rate_model_of(axis)
+    found = [model for model in given if axis in model.rate_axes]
+    return sorted(found, key=lambda model: (model.name != name, len(model.structure.inputs)))
 
 
 def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: IdentifiedModel) -> list[Finding]:
@@ -88,12 +99,16 @@ def plant_remarks(axis: Axis, given: Sequence[IdentifiedModel], model: Identifie
             else chosen_here
         )
         remarks.append(remark("plant_of_choice", axis, message))
-    unused = [item for item in given if item.name == model.name and item is not model]
+    others = [item for item in _with_rate(axis, given) if item is not model]
+    unused = [item for item in others if item.name == model.name]
     if unused:
         message = (
             f"{counted(len(unused) + 1, 'result')} of {model.name} were given; the first was used "
             f"({', '.join(model.provenance.inputs)}). To use all flights, give the logs alone."
         )
+        remarks.append(remark("plant_of_choice", axis, message))
+    if other := [item.name for item in others if item not in unused]:
+        message = f"{model.name} was used for {axis}; {' and '.join(dict.fromkeys(other))} has its plant too."
         remarks.append(remark("plant_of_choice", axis, message))
     return remarks
 
@@ -124,7 +139,7 @@ def plant_of(
     Parameters
     ----------
     model, axis
-        A rate model of the axis.
+        A result with the rate of the axis by its command.
     draws, seed
         Number of draws, and their seed.
     passed
@@ -133,24 +148,26 @@ def plant_of(
         The plant measured from logs; by default that of the result.
     """
     measured = measured or plant_of_result(axis, model, filters=passed)
+    poles = model.system.poles()
+    above_rad_s = float(np.abs(poles[poles.real > 0.0]).max(initial=0.0))
     if measured is not None:
-        return drawn_plant(measured, draws=draws, seed=seed)
-    structure = model.structure
-    row, column = structure.outputs.index(RATE_OF[axis]), structure.inputs.index(f"{axis}_command")
-    values = structure.parameters.values
+        return replace(drawn_plant(measured, draws=draws, seed=seed), above_rad_s=above_rad_s)
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
         omega = np.atleast_1d(omega_rad_s)
         beyond_delay = combined_response(passed, omega) * np.exp(
             1j * omega * sum(known_filter.delay_s for known_filter in passed)
         )
-        return np.asarray(structure.response(values, omega)[row, column] * beyond_delay)
+        return np.asarray(model.rate_response(axis, omega) * beyond_delay)
 
-    if model.band_rad_s is None:
+    pair = model.fit.cost.pairs.get(f"{RATE_OF[axis]}/{axis}_command") if model.fit.cost else None
+    if pair is None:
         raise InsufficientDataError(
-            f"{model.name} was not fitted to frequency responses", remedy="identify it with --method frequency"
+            f"{model.name} was not fitted to the frequency response of {RATE_OF[axis]}",
+            remedy="identify it with --method frequency",
         )
-    return uncertain_plant(response, None, band_rad_s=model.band_rad_s, draws=draws, seed=seed)
+    plant = uncertain_plant(response, None, band_rad_s=pair.band_rad_s, draws=draws, seed=seed)
+    return replace(plant, above_rad_s=above_rad_s)
 
 
 def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:

@@ -1,6 +1,7 @@
 """From an identified plant to gains: the loops as flown, a proposal that is safe for every likely plant, its effect.
 
-Rate models of roll, pitch and yaw are given as results of ``identify`` or identified from the logs. The controller is
+Rate models of roll, pitch and yaw are given as results of ``identify``, in models of hover too, or identified from the
+logs. The controller is
 that of the log, with its exact filters and steps. Checks come first: this controller made the logged commands, the
 motors had room, and the plant is known where the gains act. Where a check fails, the flown gains stay, with the reason
 and the flight that would help. Nothing is sent to a vehicle.
@@ -231,7 +232,8 @@ def tune(
     Parameters
     ----------
     models
-        Rate models of the axes, from ``identify``; missing ones are identified from the logs. A model
+        Results of ``identify`` with the rates of the axes: ``rate.*``, ``axis.*`` or ``hover.*``; missing ones are
+        identified from the logs. A model
         ``physical.motors`` or ``physical.flight`` adds the thrust curve.
     records
         Logs, whose parameters give the flown controller.

@@ -7,7 +7,6 @@ from rotorid.data.quantity import significant, with_error
 from rotorid.documents.track import TrackDocument, silent, track_document
 from rotorid.fleets.names import shown, words_of
 from rotorid.identifying.tracking import FlightTracking
-from rotorid.models.families import RATE_AXIS
 from rotorid.plot.tracking import followed_gain
 from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
@@ -51,7 +50,7 @@ def render_track(found: FlightTracking) -> str:
 
 def sentences(document: TrackDocument) -> list[str]:
     """The answer in a sentence, then what else was found."""
-    power = words_of(document.model, _POWERS.get(RATE_AXIS.get(document.model, ""), "gain"))
+    power = words_of(document.model, _POWERS.get(document.axis, "gain"))
     steps, lines = document.steps, []
     if steps:
         lines += [

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rotorid._faces import attached
+from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import counted, cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
@@ -41,7 +42,7 @@ from rotorid.results.summary import (
     UnseenCombination,
 )
 from rotorid.results.verdicts import verdict
-from rotorid.typing import BoolArray, ComplexArray, FloatArray
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence
 from rotorid.verification.verification import Verification
@@ -362,6 +363,32 @@ class IdentifiedModel(Immutable):
                 scheme=Scheme(hold=input_hold),
             )
         return simulate_linear(self.system, inputs, sample_rate_hz=sample_rate_hz, x0=x0, hold=input_hold)
+
+    @property
+    def rate_axes(self) -> tuple[Axis, ...]:
+        """Axes whose rate model is in this one: rate by command, in ``rate.*``, ``axis.*`` and ``hover.*`` alike."""
+        own = self.structure
+        if self.motors is not None or self.nonlinear is not None:
+            return ()
+        return tuple(axis for axis, rate in RATE_OF.items() if f"{axis}_command" in own.inputs and rate in own.outputs)
+
+    def rate_response(self, axis: Axis, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""Response of the rate of an axis to its command, shape ``(f,)``.
+
+        .. math:: P(j\omega) = p / \delta_{roll} \quad \text{or} \quad q / \delta_{pitch}, \; r / \delta_{yaw}
+
+        An unstable model has the response that its bounded motion has under a controller.
+
+        Parameters
+        ----------
+        axis
+            One of :attr:`rate_axes`.
+        omega_rad_s
+            Frequencies, shape ``(f,)``.
+        """
+        own = self.structure
+        y, u = own.outputs.index(RATE_OF[axis]), own.inputs.index(f"{axis}_command")
+        return np.asarray(self.system.response(omega_rad_s)[y, u])
 
     def to_toml(self) -> str:
         """The structure with the identified values and their standard deviations, as in ``model.toml``."""

@@ -20,7 +20,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "design export review simulate tune vehicles": "set",
         "design simulate": "duration turbulence wind",
         "design simulate vehicles": "like",
-        "design tune": "axis",
+        "design track tune": "axis",
         "export": "delay-as-lag draws no-delay pade sample-rate to",
         "export vehicles": "name",
         "fleet": "again memory resume review scheduler timeout vehicles workers",

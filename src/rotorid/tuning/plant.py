@@ -38,6 +38,10 @@ KNOWN_FROM = 1.5
 """Stability is counted from this multiple of the lower end of the band: below it identified plants carry modes of the
 speed, with which good loops are unstable in every draw."""
 
+_ABOVE = 2.0
+"""Over the frequency of an unstable mode of the speed: from there up it turns the phase of a rate by less than 7
+degrees."""
+
 _OUTSIDE_PER_E_FOLD = 0.15
 _KNOTS = 61
 _LEAST_RAD_S, _MOST_RAD_S = 0.1, 3000.0
@@ -93,6 +97,9 @@ class UncertainPlant(Immutable):
         Draws of it, shape ``(draws, n)``.
     goes_on
         Whether the model explains the measurement, and may be followed beyond the band.
+    above_rad_s
+        Frequency of modes of the speed that are known to be unstable. The outer loops hold them: from twice that
+        frequency down the rate goes on as the integral of its command, as that of a rate model does.
     """
 
     model: Callable[[FloatArray], ComplexArray]
@@ -101,6 +108,7 @@ class UncertainPlant(Immutable):
     mean: ComplexArray
     misfits: ComplexArray
     goes_on: bool = True
+    above_rad_s: float = 0.0
 
     def __post_init__(self) -> None:
         self._set(
@@ -126,11 +134,23 @@ class UncertainPlant(Immutable):
 
     def response(self, omega_rad_s: FloatArray) -> ComplexArray:
         """The most likely plant, shape ``(f,)``."""
-        return np.asarray(self.model(omega_rad_s) * np.exp(self._at(self.mean[None], omega_rad_s)[0]))
+        return np.asarray(self._rows(self.mean[None], omega_rad_s)[0])
 
     def drawn(self, omega_rad_s: FloatArray) -> ComplexArray:
         """All plants, shape ``(draws, f)``."""
-        return np.asarray(self.model(omega_rad_s) * np.exp(self._at(self.misfits, omega_rad_s)))
+        return self._rows(self.misfits, omega_rad_s)
+
+    def _rows(self, misfits: ComplexArray, omega_rad_s: FloatArray) -> ComplexArray:
+        r"""Plants with some misfits, shape ``(rows, f)``; below :math:`\omega_0` their phase returns to -90 degrees."""
+        first = _ABOVE * self.above_rad_s
+        omega = np.maximum(omega_rad_s, first)
+        rows = np.asarray(self.model(omega) * np.exp(self._at(misfits, omega)))
+        if not first:
+            return rows
+        share = np.minimum(omega_rad_s / first, 1.0)
+        # Twice the angle leaves the sign of the gain out.
+        off_rad = 0.5 * np.angle(-(rows**2))
+        return np.asarray(rows / share * np.exp(-1j * off_rad * (1.0 - share)))
 
     def _at(self, rows: ComplexArray, omega_rad_s: FloatArray) -> ComplexArray:
         """Rows between their knots; constant beyond them."""

@@ -6,10 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.unit.exports.models import model
 
 from rotorid.data.findings import warn
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
-from rotorid.identifying.tracking import _reference_remarks, _trims
+from rotorid.errors import RotoridError, UsageError
+from rotorid.identifying.tracking import _axis, _reference_remarks, _trims
+from rotorid.models.library import library_model
 
 
 @pytest.mark.parametrize(
@@ -26,8 +29,8 @@ from rotorid.identifying.tracking import _reference_remarks, _trims
     ],
 )
 def test_no_option_of_identify_is_advised(message: str, told: str | None) -> None:
-    model = SimpleNamespace(findings=[warn("gap", "p", message)])
-    found = [finding.message for finding in _reference_remarks(model)]  # type: ignore[arg-type]
+    reference = SimpleNamespace(findings=[warn("gap", "p", message)])
+    found = [finding.message for finding in _reference_remarks(reference)]  # type: ignore[arg-type]
     assert found == ([told] if told else [])
 
 
@@ -48,3 +51,19 @@ def test_a_gap_moves_no_trim(gap_s: tuple[float, float]) -> None:
     assert step.before == pytest.approx(0.1, abs=0.002)
     assert step.after == pytest.approx(0.15, abs=0.005)
     assert 140.0 < step.at_s < 170.0
+
+
+def test_a_result_with_several_rates_is_tracked_in_the_first_or_the_named() -> None:
+    whole = model(library_model("hover.lateral"), responses=False)
+    assert whole.rate_axes == ("roll", "yaw")
+    axis, (said,) = _axis(whole, None)
+    assert axis == "roll"
+    assert said.message == "hover.lateral was tracked in roll. For another axis, add --axis yaw."
+    assert _axis(whole, "yaw") == ("yaw", [])
+    assert _axis("rate.pitch", None) == ("pitch", [])
+    with pytest.raises(UsageError, match="has no rate of pitch; expected --axis roll or yaw"):
+        _axis(whole, "pitch")
+    with pytest.raises(UsageError, match="has no rate by its command"):
+        _axis(model(whole.structure.select(outputs=["v"]), responses=False), None)
+    with pytest.raises(RotoridError, match="no model to track"):
+        _axis("hover.lateral", None)
