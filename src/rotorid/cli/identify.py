@@ -383,6 +383,8 @@ def _fit(document: ResultDocument) -> Iterator[str]:
         fits = ", ".join(f"{name} {percent:.1f} %" for name, percent in document.fit_percent.items())
         hold = f", {document.hold}-order hold" if document.hold else ""
         yield f"{document.method.replace('_', ' ')}{hold}; explained: {fits}"
+    for output, removed in document.filters_removed.items():
+        yield f"removed from {output}: {removed.words}"
     yield from _lines_by_record(document)
 
 

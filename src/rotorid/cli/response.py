@@ -119,6 +119,8 @@ def _print(document: ResponseDocument, folder: Path, *, verbose: bool = False) -
             )
         )
     print_table(table, rows, verbose=verbose, item="response")
+    for name, removed in document.filters_removed.items():
+        console.print(f"removed from {name}: {removed.words}", markup=False, highlight=False, soft_wrap=True)
     print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
 

@@ -27,6 +27,7 @@ from rotorid.errors import UsageError
 from rotorid.typing import AnyArray, Axis, FloatArray
 
 if TYPE_CHECKING:
+    from rotorid.data.sensor_filters import SensorFilter
     from rotorid.plot.accessors import HistoryPictures, RecordPictures, TrackPictures
 
 MOTORS = 16
@@ -111,11 +112,14 @@ class Channel:
         SI unit of the values; pulses that drive a motor are in µs.
     source
         Where the values stand in the log, as the log names it: ``SIDD.Gx``, ``vehicle_angular_velocity.xyz[0]``.
+    filters
+        Filters that the values have passed, as far as the user gives them.
     """
 
     name: str
     unit: str
     source: str = ""
+    filters: tuple[SensorFilter, ...] = ()
 
 
 Kind: TypeAlias = Literal["sweep", "random_binary", "multisine", "doublet", "multistep", "other"]

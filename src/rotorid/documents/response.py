@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 from pydantic import Field
 
 from rotorid.documents.base import Document, FindingDocument, Flags, ManeuverDocument, Numbers, ProvenanceDocument
+from rotorid.results.summary import RemovedFilters
 
 if TYPE_CHECKING:
     from rotorid.loops.rate_loops import AxisLoop
@@ -104,6 +105,7 @@ class ResponseDocument(Document):
     records: list[RecordDocument] = Field(default_factory=list)
     loops: dict[str, LoopDocument] = Field(default_factory=dict)
     processing: list[str] = Field(default_factory=list)
+    filters_removed: dict[str, RemovedFilters] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 

@@ -50,6 +50,7 @@ from rotorid.results.summary import (
     Range,
     RecordFit,
     ReductionStep,
+    RemovedFilters,
     Residuals,
     SearchSummary,
     UnseenCombination,
@@ -117,6 +118,7 @@ class ResultDocument(Document):
     matrices: MatricesDocument | None = None
     poles: list[PoleEstimate] = Field(default_factory=list)
     delays: dict[str, DelayBudget] = Field(default_factory=dict)
+    filters_removed: dict[str, RemovedFilters] = Field(default_factory=dict)
     covered: dict[str, Range] = Field(default_factory=dict)
     verification: Checks = Field(default_factory=Checks)
     cross_validation: CrossValidationSummary | None = None
@@ -163,6 +165,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         matrices=matrices_document(model.system),
         poles=list(model.pole_estimates),
         delays=dict(model.delays),
+        filters_removed=dict(model.data.filters_removed),
         covered=dict(model.covered),
         verification=model.verification,
         cross_validation=model.cross_validation,

@@ -38,6 +38,7 @@ from rotorid.flights.thrust_slope import curvature, with_slope_changes
 from rotorid.flights.tilt_errors import logged_angles, with_tilt_errors
 from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
+from rotorid.results.summary import RemovedFilters
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.stamps import clock_error_s, largest_clock_s
@@ -112,8 +113,8 @@ class Measured:
         What stands behind ``response``.
     lowest_rad_s
         Input to the lowest frequency that its own windows reach, where windows were chosen by input.
-    unfiltered
-        Outputs that known filters were taken off.
+    removed
+        Outputs that known filters were taken off, with these filters.
     measurements
         How each group of records was measured.
     """
@@ -126,8 +127,23 @@ class Measured:
     excited_rad_s: Mapping[str, float]
     findings: tuple[Finding, ...]
     lowest_rad_s: Mapping[str, float] = field(default_factory=dict)
-    unfiltered: tuple[str, ...] = ()
+    removed: Mapping[str, tuple[KnownFilter, ...]] = field(default_factory=dict)
     measurements: tuple[Measurement, ...] = ()
+
+    @property
+    def unfiltered(self) -> tuple[str, ...]:
+        """Outputs that known filters were taken off."""
+        return tuple(self.removed)
+
+    @property
+    def filters_removed(self) -> dict[str, RemovedFilters]:
+        """The same in words and numbers."""
+        return {
+            name: RemovedFilters(
+                filters=tuple(known.name for known in chain), delay_s=sum(known.delay_s for known in chain)
+            )
+            for name, chain in self.removed.items()
+        }
 
     @property
     def excited_to_rad_s(self) -> float:
@@ -464,7 +480,7 @@ def _joined(
         asked_rad_s=parts[0].asked_rad_s,
         excited_rad_s={name: max(own, default=np.inf) for name, own in tops.items()},
         lowest_rad_s={name: min(own) for name, own in lows.items() if own},
-        unfiltered=tuple(dict.fromkeys(name for part in parts for name in part.unfiltered)),
+        removed={name: chain for part in parts for name, chain in part.removed.items()},
         measurements=tuple(measurement for part in parts for measurement in part.measurements),
         findings=(
             *_each_once(finding for part in parts for finding in part.findings),
@@ -669,12 +685,24 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
             )
         if found[0]:
             chains[output] = found[0]
-        findings += [f for source in sorted(sources) for f in filter_findings(flights[0].record, source)]
+        known = [f for source in sorted(sources) for f in filter_findings(flights[0].record, source)]
+        findings += [_with_removal(finding, output, removed=bool(found[0])) for finding in known]
     remarked = replace(measured, findings=(*measured.findings, *findings))
     if not chains:
         return remarked
     direct = None if measured.direct is None else corrected(measured.direct, chains)
-    return replace(remarked, response=corrected(measured.response, chains), direct=direct, unfiltered=tuple(chains))
+    return replace(remarked, response=corrected(measured.response, chains), direct=direct, removed=chains)
+
+
+def _with_removal(finding: Finding, output: str, *, removed: bool) -> Finding:
+    """A finding on filters that says whether they were taken out of an output."""
+    message = finding.message.rstrip(".")
+    if finding.kind == "known_filter":
+        return replace(finding, message=f"{message}. It was removed from {output}.")
+    if removed:
+        return finding
+    remedy = f"If you know its filter, give it: --filter {output}=lp:HZ or delay:SECONDS"
+    return replace(finding, message=f"{message}. Nothing was removed from {output}. {remedy}.")
 
 
 def _holding(measured: Measured, name: str) -> list[Segment]:

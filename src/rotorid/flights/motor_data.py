@@ -219,7 +219,8 @@ def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
 
 def _filtered(record: FlightRecord, part: TimeHistory) -> Iterator[Finding]:
     # A log without the parameters of an autopilot says nothing of filters, and need not say so.
-    if not record.parameters:
+    given = any(channel.filters for topic in record.topics for channel in topic.channels)
+    if not record.parameters and not given:
         return
     for name in ("p", "az"):
         source = part.channels[part.names.index(name)].source

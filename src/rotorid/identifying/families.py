@@ -153,7 +153,7 @@ FITTINGS: Mapping[str, Fitting] = {
         method=lambda _, __, settings: Motors(motor_settings(settings)),
         choices=(
             *_OF_ROTORS,
-            *("fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs"),
+            *("filters", "fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs"),
         ),
         methods=("auto", *get_args(MotorMethod)),
         only_with={"outputs": "accelerations"},

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
+from rotorid.data.sensor_filters import with_sensor_filters
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_noise import command_densities
 from rotorid.flights.controller_check import controller_findings
@@ -83,9 +84,11 @@ def identify(
     >>> model["L_roll"].value  # doctest: +SKIP
     439.3
     """
-    logs, unseen = as_records(records), as_records(verify)
-    method = method_of(model, logs, as_settings(IdentifySettings, settings, options))
-    return identify_by(method, logs, verify=unseen)
+    chosen = as_settings(IdentifySettings, settings, options)
+    fitted = as_records(records)
+    every = with_sensor_filters((*fitted, *as_records(verify)), chosen.filters)
+    logs, unseen = every[: len(fitted)], every[len(fitted) :]
+    return identify_by(method_of(model, logs, chosen), logs, verify=unseen)
 
 
 def identify_by(

@@ -313,6 +313,9 @@ class Frequency(_Linear[ResponseData]):
     def prepare(self, records: Sequence[FlightRecord]) -> ResponseData:
         """Measure the responses and leave out what shows the controller instead of the vehicle."""
         settings = self.settings
+        if settings.filters:
+            # Who gives a filter wants the model without it.
+            settings = replace(settings, correct_filters=True)
         _refuse_choices_of_time(settings)
         sensors = None
         if settings.correct_sensors:
@@ -387,6 +390,7 @@ class Frequency(_Linear[ResponseData]):
                 used=used,
                 least_coherence=data.settings.least_coherence(joint=response.estimate == "joint"),
                 segments=measured.segments,
+                filters_removed=measured.filters_removed,
             ),
             combinations=unseen_combinations(fitted.parameters, fitted.bounds),
             poles=pole_confidence(structure, own, fitted.bounds),
@@ -470,10 +474,11 @@ class InTime(_Linear[TimeDomainData]):
     def prepare(self, records: Sequence[FlightRecord]) -> TimeDomainData:
         """Take the maneuvers out of the logs as they were sampled, and fit their responses for a start."""
         require_bootstrap(self.settings, self.kind)
-        for name, asked in (("filters", self.settings.correct_filters), ("sensors", self.settings.correct_sensors)):
-            if asked:
+        asked = self.settings.correct_filters, self.settings.correct_sensors, self.settings.filters
+        for option, given in zip(("--correct-filters", "--correct-sensors", "--filter"), asked, strict=True):
+            if given:
                 raise UsageError(
-                    f"--correct-{name} does not work in the time domain",
+                    f"{option} does not work in the time domain",
                     remedy="use --method frequency, which corrects responses",
                 )
         if self.kind == "equation_error":

@@ -19,6 +19,7 @@ from rotorid.autopilots.registry import named
 from rotorid.data.display import visible
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
+from rotorid.data.sensor_filters import with_sensor_filters
 from rotorid.errors import LogError, UsageError
 from rotorid.io.blank import blank_tail
 from rotorid.io.documents import require_file
@@ -104,6 +105,7 @@ def read(
     record = joined(record, others)
     if mapping is not None:
         require_agreement(record, mapping)
+        (record,) = with_sensor_filters((record,), mapping.filters, option=f"the mapping {named_by}".rstrip())
     if named_by:
         record = replace(record, source=replace(record.source, mapping=named_by))
     return checked_speeds(screened(record))

@@ -802,7 +802,9 @@ def _common_delay_s(records: Sequence[FlightRecord]) -> float:
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
     response, angle = measured.response, ANGLE_OF.get(axis, "")
     commands = [name for name in response.instruments if name in (f"{axis}_stick", f"{angle}_setpoint")]
-    if not commands or not all(angle in record.names for record in records):
+    # Outputs of other logs may have been measured with another instrument.
+    records = [record for record in records if not commands or commands[0] in record.names]
+    if not commands or not records or not all(angle in record.names for record in records):
         return None
     try:
         answer = frequency_response(

@@ -24,6 +24,7 @@ from rotorid.data.display import html_table, lines_of
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.data.response import Estimate, FrequencyResponse
+from rotorid.data.sensor_filters import with_sensor_filters
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fits.frequency.inverse import without_inverse_controller
 from rotorid.flights.flights import Flight
@@ -45,6 +46,7 @@ from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import AxisLoop, axis_loop, beyond_band
 from rotorid.results.model import Records, Segment
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
+from rotorid.results.summary import RemovedFilters
 from rotorid.settings.measuring import ResponseSettings
 from rotorid.settings.option import as_names, as_settings
 from rotorid.signal.excitations import rich_excitations
@@ -349,6 +351,11 @@ class Responses(Immutable):
         """Processing of the responses since their estimation, oldest first."""
         return self.response.processing
 
+    @property
+    def filters_removed(self) -> dict[str, RemovedFilters]:
+        """Output to the filters that were taken out of its responses."""
+        return self.measured.filters_removed
+
     @cached_property
     def pairs(self) -> Mapping[str, Pair]:
         """Every response by ``output/input``."""
@@ -437,7 +444,8 @@ def response(
     >>> result.pairs["p/roll_command"].band_rad_s  # doctest: +SKIP
     (1.2, 88.0)
     """
-    settings, records = as_settings(ResponseSettings, settings, options), as_records(records)
+    settings = as_settings(ResponseSettings, settings, options)
+    records = with_sensor_filters(as_records(records), settings.filters)
     inputs, outputs = as_names(inputs), as_names(outputs)
     if not inputs and not outputs:
         pairs = excited_pairs(records)
@@ -461,7 +469,7 @@ def response(
         measured = replace(measured, response=with_sensor_errors(measured.response, sensors.correction))
     # Loops and controllers are those that flew, filters and all.
     flown = measured
-    if settings.correct_filters:
+    if settings.correct_filters or settings.filters:
         measured = without_known_filters(measured, chosen.flown)
     response = measured.response
     limit = settings.least_coherence(joint=response.estimate == "joint")

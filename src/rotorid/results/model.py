@@ -39,6 +39,7 @@ from rotorid.results.summary import (
     ParameterEstimate,
     PoleEstimate,
     Range,
+    RemovedFilters,
     UnseenCombination,
 )
 from rotorid.results.verdicts import verdict
@@ -125,6 +126,8 @@ class FittedData(Immutable):
         What a fit in time was made to: every record, measured and simulated.
     command_densities
         Command of a rate loop to rad/s and one-sided density of it over the whole log, shape ``(2, n)``.
+    filters_removed
+        Output to the filters that were taken out of its responses.
     """
 
     response: FrequencyResponse
@@ -135,6 +138,7 @@ class FittedData(Immutable):
     segments: tuple[Segment, ...] = ()
     simulated: tuple[SimulatedRecord, ...] = ()
     command_densities: Mapping[str, FloatArray] = field(default_factory=dict)
+    filters_removed: Mapping[str, RemovedFilters] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -949,6 +949,19 @@ class Residuals:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class RemovedFilters:
+    """Filters that were taken out of an output, and their delay at low frequency."""
+
+    filters: tuple[str, ...]
+    delay_s: float
+
+    @property
+    def words(self) -> str:
+        """For a person."""
+        return f"{', '.join(self.filters)} ({1e3 * self.delay_s:.2f} ms)"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class DelayBudget:
     """Delays on the way from an input to an output, in seconds: a motor lag counts as a delay of its time constant."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
-from rotorid.settings.measuring import MeasureSettings
+from rotorid.settings.measuring import MeasureSettings, SensorFilters
 from rotorid.settings.models import models_known
 from rotorid.settings.option import Option, Written, as_names
 from rotorid.settings.parsing import (
@@ -114,6 +114,8 @@ class IdentifySettings(MeasureSettings):
         Parameters that follow others: name to an expression such as ``-L_p``.
     correct_filters
         Take known filters of the autopilot off the outputs, so that the model is that of the vehicle alone.
+    filters
+        Filters that channels have passed besides, by channel; they are taken off too.
     correct_sensors
         Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
         out before anything is measured.
@@ -185,6 +187,7 @@ class IdentifySettings(MeasureSettings):
         ),
         Written("given"),
     ] = False
+    filters: SensorFilters = field(default_factory=dict)
     correct_sensors: Annotated[
         bool,
         Option(

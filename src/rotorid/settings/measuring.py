@@ -10,6 +10,7 @@ from rotorid.errors import UsageError
 from rotorid.settings.option import Option, Seed, Settings, Written, as_names, require_seed, require_words
 from rotorid.settings.parsing import (
     BAND,
+    FILTERS,
     INPUT_WINDOWS,
     NAMES,
     SECONDS,
@@ -19,6 +20,7 @@ from rotorid.settings.parsing import (
 
 if TYPE_CHECKING:
     from rotorid.data.record import Maneuver
+    from rotorid.data.sensor_filters import SensorFilter
 
 EstimateChoice: TypeAlias = Literal["auto", "direct", "joint"]
 
@@ -34,6 +36,18 @@ OVERLAP = 0.8
 LARGEST_OVERLAP = 0.95
 
 LONGEST_WINDOW_S = 3600.0
+
+SensorFilters: TypeAlias = Annotated[
+    "Mapping[str, tuple[SensorFilter, ...]]",
+    Option(
+        "--filter",
+        "Filter that a channel has passed, such as az=lp:60; implies --correct-filters. Repeatable.",
+        "Data",
+        FILTERS,
+    ),
+    Written("given"),
+]
+"""Filters that the user gives, by channel."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,9 +154,11 @@ class MeasureSettings(Settings):
     ] = field(default_factory=dict)
     seed: Seed = 0
     correct_filters: bool = False
+    filters: "Mapping[str, tuple[SensorFilter, ...]]" = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._set(
+            filters=self.filters,
             windows_s=tuple(self.windows_s),
             input_windows_s={name: tuple(lengths) for name, lengths in self.input_windows_s.items()},
             instruments=as_names(self.instruments),
@@ -199,6 +215,8 @@ class ResponseSettings(MeasureSettings):
         As in :class:`MeasureSettings`.
     correct_filters
         Take known filters of the autopilot off the outputs, so that a response is that of the vehicle alone.
+    filters
+        Filters that channels have passed besides, by channel; they are taken off too.
     correct_sensors
         Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
         out before anything is measured.
@@ -207,6 +225,7 @@ class ResponseSettings(MeasureSettings):
     correct_filters: Annotated[
         bool, Option("--correct-filters", "Remove known autopilot filters from the outputs.", "Data")
     ] = False
+    filters: SensorFilters = field(default_factory=dict)
     correct_sensors: Annotated[
         bool,
         Option(

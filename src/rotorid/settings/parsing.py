@@ -10,6 +10,7 @@ from rotorid.units import read_measure, read_measures, require_units, writable
 
 if TYPE_CHECKING:
     from rotorid.data.record import Maneuver
+    from rotorid.data.sensor_filters import SensorFilter
     from rotorid.settings.given_controllers import GivenController
     from rotorid.typing import Axis
     from rotorid.verification.sampled import LowPass
@@ -282,6 +283,34 @@ def write_shifts(shifts: Mapping[str, float]) -> list[str]:
     return [f"{name}:{float(seconds)!r}" for name, seconds in shifts.items()]
 
 
+def parse_sensor_filters(texts: Sequence[str]) -> "dict[str, tuple[SensorFilter, ...]]":
+    """Read ``CHANNEL=KIND:HZ`` once or more; each channel once, with commas between its filters.
+
+    Examples
+    --------
+    >>> parse_sensor_filters(("az=lp:60", "q=lp:40@1000,delay:2ms"))["az"][0].frequency_hz
+    60.0
+    """
+    from rotorid.data.sensor_filters import FORM, parse_filters
+
+    found = {}
+    for text in texts:
+        name, equals, written = (part.strip() for part in text.partition("="))
+        if not (name and equals and written):
+            raise UsageError(f"--filter {text} cannot be read", needed=f"CHANNEL={FORM}")
+        if name in found:
+            raise UsageError(
+                f"--filter gives {name} twice", remedy=f"give several filters with commas: {name}=lp:60,delay:2ms"
+            )
+        found[name] = parse_filters(written, of=f"--filter {text}")
+    return found
+
+
+def write_sensor_filters(filters: "Mapping[str, Sequence[SensorFilter]]") -> list[str]:
+    """Filters as :func:`parse_sensor_filters` reads them."""
+    return [f"{name}={','.join(given.text for given in chain)}" for name, chain in filters.items()]
+
+
 def parse_low_pass(text: str) -> "LowPass":
     """Read a cutoff in rad/s or with its unit, ``auto`` or ``none``.
 
@@ -348,6 +377,7 @@ SECONDS = Text("S,S,...", parse_numbers)
 INPUT_WINDOWS = Text("INPUT:S,S,...", parse_input_windows, repeats=True, write=write_input_windows)
 SEGMENTS = Text("AXIS:START:STOP", parse_segments, repeats=True, write=write_segments)
 SHIFTS = Text("CHANNEL:SECONDS", parse_shifts, repeats=True, write=write_shifts)
+FILTERS = Text("CHANNEL=KIND:HZ", parse_sensor_filters, repeats=True, write=write_sensor_filters)
 NAMES = Text("NAME,...", parse_names)
 LISTED = Text("NAME,...", parse_listed, repeats=True)
 WORDS = Text("NAME", tuple, repeats=True)

@@ -30,7 +30,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "identify compare": "hold",
         "identify design track": "model",
         "identify export": "layout",
-        "identify response": "correct-filters correct-sensors",
+        "identify response": "correct-filters correct-sensors filter",
         "identify response delay demo design example export fleet simulate stitch tune": "seed",
         "identify response design models": "inputs outputs",
         "identify response verify compare delay": "shift",

@@ -1,8 +1,8 @@
-"""Which filters of the autopilot stand between the motion and a logged channel, from the parameters in the log.
+"""Which filters stand between the motion and a logged channel: by the parameters in the log, and by the user.
 
-A chain is known as far as the log carries its parameters. Not in any log, and not here: the sensor's own analog and
-hardware filters, and the time between a sample and its stamp. What each autopilot runs stands in its room
-(:mod:`rotorid.autopilots`).
+A chain is known as far as the log carries its parameters. Not in any log: the sensor's own analog and hardware
+filters, and the time between a sample and its stamp; the user may give these (:mod:`rotorid.data.sensor_filters`).
+What each autopilot runs stands in its room (:mod:`rotorid.autopilots`).
 """
 
 from __future__ import annotations
@@ -10,12 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from rotorid.autopilots.filters import KnownFilter
-from rotorid.autopilots.passages import Passage
+from rotorid.autopilots.filters import KnownFilter, butterworth_low_pass, cascaded_low_pass, notch
+from rotorid.autopilots.passages import UNKNOWN, Passage
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
+from rotorid.data.sensor_filters import SensorFilter
 from rotorid.errors import UsageError
+
+FAST_SENSOR_HZ = 8000.0
+"""Rate of a given filter unless the user says another one: as good as continuous."""
 
 _WORTH_SAYING_S = 5e-5
 
@@ -84,14 +88,52 @@ def filter_findings(record: FlightRecord, source: str, *, sensor_rate_hz: float 
         ``sensor_rate_hz`` is not positive.
     """
     passage = _passage(record, source, sensor_rate_hz)
-    assumed = sensor_rate_hz is None and not autopilot_of(record).log.sensor_rate_logged
+    given = given_filters(record, source)
+    assumed = sensor_rate_hz is None and (
+        any(item.rate_hz is None and item.kind != "delay" for item in given)
+        if given
+        else not autopilot_of(record).log.sensor_rate_logged
+    )
     return (*_known(record, source, passage, assumed), *(_unknown(source, doubt) for doubt in passage.doubts))
 
 
 def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
     if sensor_rate_hz is not None and not 0.0 < sensor_rate_hz < math.inf:
         raise UsageError(f"got a sensor rate of {sensor_rate_hz:g} Hz", needed="a positive rate")
-    return autopilot_of(record).log.passage(record, source, sensor_rate_hz)
+    logged = autopilot_of(record).log.passage(record, source, sensor_rate_hz)
+    given = given_filters(record, source)
+    if not given:
+        return logged
+    filters = tuple(_known_filter(item, item.rate_hz or sensor_rate_hz or FAST_SENSOR_HZ) for item in given)
+    twins = [known.name for known in filters if known.name in [other.name for other in logged.filters]]
+    if twins:
+        raise UsageError(
+            f"{source} has passed a {twins[0]} by the parameters of the log already",
+            remedy="leave this filter out of --filter and of the mapping",
+        )
+    # Who gives the filters of a foreign log says what nobody else can.
+    doubts = tuple(doubt for doubt in logged.doubts if doubt != UNKNOWN)
+    return Passage(filters=(*filters, *logged.filters), doubts=doubts)
+
+
+def given_filters(record: FlightRecord, source: str) -> tuple[SensorFilter, ...]:
+    """Filters of a source as the user gives them, see :mod:`rotorid.data.sensor_filters`."""
+    channels = (channel for topic in record.topics for channel in topic.channels)
+    return next((channel.filters for channel in channels if channel.filters and channel.source == source), ())
+
+
+def _known_filter(given: SensorFilter, rate_hz: float) -> KnownFilter:
+    """The digital filter of what the user gives."""
+    if given.kind == "delay":
+        # One step of a program that is as slow: exactly the delay, at any frequency.
+        name = f"delay of {1e3 * given.delay_s:.4g} ms"
+        return KnownFilter(name=name, numerator=(0.0, 1.0), denominator=(1.0,), rate_hz=1.0 / given.delay_s)
+    if given.kind == "lp":
+        return butterworth_low_pass(given.frequency_hz, rate_hz)
+    if given.kind == "notch":
+        return notch(given.frequency_hz, given.quality, rate_hz)
+    order = {"lp1": 1, "pt2": 2, "pt3": 3}[given.kind]
+    return cascaded_low_pass(order, given.frequency_hz, rate_hz)
 
 
 def _known(record: FlightRecord, source: str, passage: Passage, assumed: bool) -> Iterator[Finding]:

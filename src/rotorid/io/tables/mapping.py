@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import Any, cast, get_args
 
 from rotorid.data.record import AXES, STANDARD_UNITS, Kind, units_of
+from rotorid.data.sensor_filters import SensorFilter, parse_filters
 from rotorid.errors import UsageError
 from rotorid.frames import BodyFrame, SignedAngles, WorldFrame, signed_angles, signed_axes
 from rotorid.io.documents import DocumentError, parse_toml, read_text
@@ -101,7 +102,7 @@ class MappedChannel:
     """A channel, where its samples stand, its own stamps if it has some, and the table that says so.
 
     ``along_world`` marks a component of a body vector that the file has along north, east or down: all three are turned
-    into the body by the quaternion.
+    into the body by the quaternion. ``filters`` are those that the samples have passed.
     """
 
     name: str
@@ -109,6 +110,7 @@ class MappedChannel:
     time: Series | None = None
     where: str = field(default="", compare=False)
     along_world: bool = False
+    filters: tuple[SensorFilter, ...] = ()
 
     @property
     def si(self) -> str:
@@ -203,6 +205,11 @@ class ChannelMapping:
     experiments: Experiments | None = None
 
     @property
+    def filters(self) -> dict[str, tuple[SensorFilter, ...]]:
+        """Channel to the filters that it has passed, where the file says some."""
+        return {channel.name: channel.filters for channel in self.channels if channel.filters}
+
+    @property
     def files(self) -> tuple[str, ...]:
         """The files that hold the channels, each once; the log itself is the empty name."""
         owners = [channel.samples.file for channel in self.channels]
@@ -259,8 +266,8 @@ _SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
 FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
 _STEPS = ("derivative", "low_pass_hz")
-_CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, *_PLACE_KEYS)
-_VECTOR_KEYS = ("sources", "source", "by", "columns", "along", "unit", "scale", *_PLACE_KEYS)
+_CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, "filter", *_PLACE_KEYS)
+_VECTOR_KEYS = ("sources", "source", "by", "columns", "along", "unit", "scale", "filter", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
 
@@ -565,7 +572,15 @@ def _read_channel(name: str, value: object, frames: Frames, where: str) -> Mappe
     )
     if name in STANDARD_UNITS:
         series = read_frames(values, where, frames).turned(name, series)
-    return MappedChannel(name=name, samples=series, time=_own_time(values, where), where=where)
+    time, filters = _own_time(values, where), _filters(values, where)
+    return MappedChannel(name=name, samples=series, time=time, where=where, filters=filters)
+
+
+def _filters(values: Mapping[str, Any], where: str) -> tuple[SensorFilter, ...]:
+    """The key ``filter``: what the channel has passed before it was logged."""
+    if "filter" not in values:
+        return ()
+    return parse_filters(text(values, "filter", where), of=f'{where} filter = "{values["filter"]}"')
 
 
 def _in_brackets(words: str) -> Mapping[str, str]:
@@ -608,6 +623,11 @@ def _read_vector(
     si = "1" if name == QUATERNION else STANDARD_UNITS[known[name][0]]
     parts = _parts(values, 4 if name == QUATERNION else 3, si, where)
     time = _own_time(values, where)
+    filters = _filters(values, where)
+    if filters and (name == QUATERNION or along_world):
+        raise UsageError(
+            f"{where} has `filter`", needed="it in a table whose numbers are channels as they are", remedy="remove it"
+        )
     if name == QUATERNION:
         w, x, y, z = parts
         return (), MappedAttitude(parts=(w, x, y, z), angles=own.angles(), time=time)
@@ -618,7 +638,7 @@ def _read_vector(
         turned = [replace(parts[place], scale=sign * parts[place].scale) for place, sign in axes]
     channels = zip(known[name], turned, strict=True)
     found = (
-        MappedChannel(name=channel, samples=part, time=time, where=where, along_world=along_world)
+        MappedChannel(name=channel, samples=part, time=time, where=where, along_world=along_world, filters=filters)
         for channel, part in channels
     )
     return tuple(found), None
