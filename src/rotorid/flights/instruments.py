@@ -218,6 +218,9 @@ def _moves(flight: Flight, name: str) -> bool:
 _LEAST_OF_LARGEST = 1e-4
 """Share of its largest power in an octave below which an instrument has none: the steps of a radio make as much."""
 
+_MOST_OF_LARGEST = 0.1
+"""Share of its largest power in an octave from which a test signal excites: 3 octaves on both sides of its clock."""
+
 _LOWEST_RAD_S, _OCTAVES = 0.1, 19
 
 _FLANKS = 40.0
@@ -234,15 +237,39 @@ def band_of_instrument(flights: Sequence[Flight], name: str) -> tuple[float, flo
     name
         The instrument. One that no log holds, or that stands still, has no limits.
     """
+    low, high = _band_of_power(flights, name, _LEAST_OF_LARGEST) or (0.0, np.inf)
+    return (0.0 if low <= _LOWEST_RAD_S else low), high
+
+
+def excited_band(flights: Sequence[Flight], name: str) -> tuple[float, float] | None:
+    """Lowest and highest frequency in rad/s of the octaves in which a channel has most of its power.
+
+    That is a tenth of the octave with the most. Half periods do not show it: a square wave has power far above the
+    frequency at which it switches, and a random one far below.
+
+    Parameters
+    ----------
+    name
+        A test signal, or the input that it moves.
+
+    Returns
+    -------
+    tuple of float, optional
+        ``None`` where no log holds the channel, or it stands still.
+    """
+    return _band_of_power(flights, name, _MOST_OF_LARGEST)
+
+
+def _band_of_power(flights: Sequence[Flight], name: str, least: float) -> tuple[float, float] | None:
+    """Band of the octaves in which a channel has this share of the largest power; ``None`` if it does not move."""
     edges = np.geomspace(_LOWEST_RAD_S, _LOWEST_RAD_S * 2.0**_OCTAVES, _OCTAVES + 1, dtype=np.float64)
     powers = [found for flight in flights if (found := _octaves(flight, name, edges)).size]
-    if not powers:
-        return 0.0, np.inf
+    if not powers or not np.any(powers):
+        return None
     power = np.max(powers, axis=0)
-    excited = np.flatnonzero(power > _LEAST_OF_LARGEST * power.max())
+    excited = np.flatnonzero(power > least * power.max())
     fastest = max(0.8 * np.pi * topic.sample_rate_hz for flight in flights for topic, _ in flight.record.holding(name))
-    low = 0.0 if excited[0] == 0 else float(edges[excited[0]])
-    return low, min(float(edges[excited[-1] + 1]), fastest)
+    return float(edges[excited[0]]), min(float(edges[excited[-1] + 1]), fastest)
 
 
 def _octaves(flight: Flight, name: str, edges_rad_s: FloatArray) -> FloatArray:

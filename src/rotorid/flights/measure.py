@@ -28,6 +28,7 @@ from rotorid.flights.instruments import (
     band_of_instrument,
     by_instruments,
     choose_instruments,
+    excited_band,
     is_command,
     is_free,
     no_instrument,
@@ -47,6 +48,7 @@ from rotorid.spectral.derived import corrected
 from rotorid.spectral.estimate import Diagnostics, Known, diagnosed_response
 from rotorid.spectral.joined import by_input, joined_diagnostics, joined_responses
 from rotorid.spectral.windows import (
+    ENDING,
     HALF_SINE,
     HANN,
     Taper,
@@ -405,7 +407,7 @@ def _measured(
             *((no_instrument(inputs),) if unknown else ()),
             *unchecked,
             *left,
-            *_band_outside_excitation(settings.band_rad_s, flights),
+            *_band_outside_excitation(settings.band_rad_s, flights, inputs),
         ),
         measurements=(Measurement((*records,), inputs, outputs, tuple(instruments), omega_rad_s, windows),),
     )
@@ -420,7 +422,7 @@ def _bands_of_sticks(
 ) -> dict[str, tuple[float, float]]:
     """Inputs that a stick excites, to the band in which it has power; a program's signal has it all over its own."""
     return {
-        name: band_of_instrument([flight for flight in flights if _of_axis_of(flight, (name,))] or flights, instrument)
+        name: band_of_instrument(_moved_by(flights, name), instrument)
         for name, instrument in zip(inputs, instruments, strict=False)
         if instrument.endswith("_stick")
     }
@@ -430,30 +432,62 @@ _LEAST_KEPT = 0.4
 """Share of the octaves that were excited, below which a band that was given is remarked on."""
 
 
-def _band_outside_excitation(band_rad_s: tuple[float, float] | None, flights: Sequence[Flight]) -> tuple[Finding, ...]:
-    """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s."""
-    bands = (flight.maneuver.band_rad_s for flight in flights)
-    excited = [band for band in bands if band is not None]
-    if band_rad_s is None or not excited:
+def _band_outside_excitation(
+    band_rad_s: tuple[float, float] | None, flights: Sequence[Flight], inputs: Sequence[str] = ()
+) -> tuple[Finding, ...]:
+    """A remark where a band that was given drops most of what was excited, as one in Hz does that is taken as rad/s.
+
+    Of a test signal and the input that it moves the one counts of which the band keeps more.
+    """
+    if band_rad_s is None:
         return ()
-    low, high = min(band[0] for band in excited), max(band[1] for band in excited)
-    octaves = float(np.log2(high / low)) if high > low > 0.0 else 0.0
-    kept = max(float(np.log2(min(high, band_rad_s[1]) / max(low, band_rad_s[0]))), 0.0)
-    if octaves <= 0.0 or kept >= _LEAST_KEPT * octaves:
+    found = [
+        (_octaves_kept(band, band_rad_s) / octaves, band, octaves)
+        for band in _excited_bands(flights, inputs)
+        if (octaves := _octaves_kept(band, band)) > 0.0
+    ]
+    share, (low, high), octaves = max(found, default=(1.0, band_rad_s, 1.0))
+    if share >= _LEAST_KEPT:
         return ()
-    hertz = 2.0 * np.pi * np.array(band_rad_s)
-    meant = max(float(np.log2(min(high, hertz[1]) / max(low, hertz[0]))), 0.0)
-    proposed = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz" if meant > kept else f"{low:.3g}:{high:.3g}"
+    hertz = 2.0 * np.pi * band_rad_s[0], 2.0 * np.pi * band_rad_s[1]
+    meant = _octaves_kept((low, high), hertz) / octaves > share
+    proposed = f"{band_rad_s[0]:g}:{band_rad_s[1]:g}Hz" if meant else f"{low:.3g}:{high:.3g}"
     return (
         warn(
             "band_beside_excitation",
             "--band",
             f"The fitted band ({band_rad_s[0]:.3g}–{band_rad_s[1]:.3g} rad/s) contains "
-            f"{f'{100.0 * kept / octaves:.0f} %' if kept else 'none'} of the excitation ({low:.3g}–{high:.3g} rad/s). "
-            f"{'If you meant Hz, use' if meant > kept else 'To use all of it, give'} --band {proposed}.",
-            kept_percent=100.0 * kept / octaves,
+            f"{f'{100.0 * share:.0f} %' if share else 'none'} of the excitation ({low:.3g}–{high:.3g} rad/s). "
+            f"{'If you meant Hz, use' if meant else 'To use all of it, give'} --band {proposed}.",
+            kept_percent=100.0 * share,
         ),
     )
+
+
+def _octaves_kept(excited_rad_s: tuple[float, float], band_rad_s: tuple[float, float]) -> float:
+    """Octaves that two bands share."""
+    low, high = (max(excited_rad_s[0], band_rad_s[0]), min(excited_rad_s[1], band_rad_s[1]))
+    return float(np.log2(high / low)) if high > low > 0.0 else 0.0
+
+
+def _excited_bands(flights: Sequence[Flight], inputs: Sequence[str]) -> list[tuple[float, float]]:
+    """What was excited: from sweeps by their own band, from binary signals and steps by the power of each channel.
+
+    The half periods of the latter are no band, and behind a controller the input has power where its set-point has
+    little: that of steps of an angle lies octaves below the torque that follows them.
+    """
+    bounded = [flight for flight in flights if flight.maneuver.band_rad_s is not None]
+    others = [flight for flight in bounded if flight.maneuver.kind not in ENDING]
+    bands = [flight.maneuver.band_rad_s for flight in bounded if flight.maneuver.kind in ENDING]
+    names = {name for flight in others for name in (flight.maneuver.signal, *inputs) if name}
+    own = [[*bands, excited_band(_moved_by(others, name), name)] for name in names] or [bands]
+    known = [[band for band in each if band is not None] for each in own]
+    return [(min(band[0] for band in each), max(band[1] for band in each)) for each in known if each]
+
+
+def _moved_by(flights: Sequence[Flight], name: str) -> Sequence[Flight]:
+    """The maneuvers of an input's own axis; all, where it has none."""
+    return [flight for flight in flights if _of_axis_of(flight, (name,))] or flights
 
 
 def _joined(

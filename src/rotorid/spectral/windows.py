@@ -35,7 +35,7 @@ _TOTAL_SHARE = 5.0
 _GIVEN_WITHIN = 0.005
 """How far a window may be from the length that was given for it, as a share."""
 
-_ENDING = ("sweep", "multisine")
+ENDING = ("sweep", "multisine")
 """Kinds of maneuvers that have a highest frequency."""
 
 
@@ -202,7 +202,7 @@ def band_of(maneuvers: Sequence[Maneuver], sample_rate_hz: float) -> tuple[float
 def excited_to_rad_s(maneuvers: Sequence[Maneuver]) -> float:
     """How far up sweeps and multisines go; infinite where other maneuvers leave that to the coherence."""
     tops = [
-        maneuver.band_rad_s[1] for maneuver in maneuvers if maneuver.kind in _ENDING and maneuver.band_rad_s is not None
+        maneuver.band_rad_s[1] for maneuver in maneuvers if maneuver.kind in ENDING and maneuver.band_rad_s is not None
     ]
     return max(tops) if tops and len(tops) == len(maneuvers) else math.inf
 

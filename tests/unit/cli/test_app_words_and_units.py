@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from tests.unit.cli.commands import ROLL, rotorid
 from typer.testing import CliRunner
 
@@ -21,8 +22,9 @@ from rotorid.cli import console
 from rotorid.cli.app import COMMANDS, app
 from rotorid.data.findings import warn
 from rotorid.data.flight_plan import Entry
-from rotorid.data.record import Maneuver
+from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, Topic
 from rotorid.errors import UsageError
+from rotorid.flights.flights import Flight
 from rotorid.flights.measure import _band_outside_excitation
 from rotorid.flying.settings import (
     PlanSettings,
@@ -48,6 +50,7 @@ from rotorid.settings.parsing import (
     parse_shifts,
     parse_weights,
 )
+from rotorid.signal.excitations import classify
 from rotorid.units import read_measure
 
 
@@ -265,6 +268,25 @@ def test_a_band_beside_the_excitation_is_remarked_on() -> None:
         (said,) = _band_outside_excitation(band, flights)  # type: ignore[arg-type]
         assert "--band 1:64." in said.message
         assert "Hz" not in said.message
+
+
+def test_of_a_binary_signal_the_power_of_the_input_decides() -> None:
+    time_s = np.arange(0.0, 60.0, 0.01)
+    steps = np.where(np.repeat(np.random.default_rng(3).random(60), 100) > 0.5, 0.2, -0.2)
+    torque = np.diff(lfilter([0.1], [1.0, -0.9], steps), prepend=0.0)
+    channels = tuple(Channel(name=name, unit="1", source=name) for name in ("theta_setpoint", "pitch_command"))
+    topic = Topic(name="clock", time_s=time_s, channels=channels, values=np.stack([steps, torque]))
+    record = FlightRecord(source=Source(name="a", format="CSV", sha256="a"), topics=(topic,))
+    kind, band = classify(time_s, steps)
+    assert kind == "random_binary"
+    assert band is not None
+    assert band[1] < 4.0
+    maneuver = Maneuver(axis="pitch", kind=kind, start_s=0.0, stop_s=59.99, band_rad_s=band, signal="theta_setpoint")
+    flights = [Flight(record, maneuver)]
+    # Half periods end at 3 rad/s: by them this band keeps nothing, and it holds most of the power of the input.
+    assert _band_outside_excitation((4.0, 40.0), flights, ("pitch_command",)) == ()
+    (found,) = _band_outside_excitation((0.01, 0.1), flights, ("pitch_command",))
+    assert found.numbers["kept_percent"] == 0.0
 
 
 def test_a_page_is_printed(tmp_path: Path) -> None:

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from rotorid.checking.predictions import fitted_logs, was_fitted
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Intervals, Maneuver, Source, Status, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
-from rotorid.flights.instruments import find_instrument, is_free, while_flying
+from rotorid.flights.instruments import excited_band, find_instrument, is_free, while_flying
 from rotorid.flights.selection import select_maneuvers
 from rotorid.results.provenance import provenance
 from rotorid.reviewing.inspection import inspect
@@ -150,3 +151,20 @@ def test_what_another_vehicle_is_asked_for_is_no_sweep() -> None:
     assert "in which yaw moves slowly and fast" in str(caught.value)
     with pytest.raises(InsufficientDataError, match="this needs a sweep"):
         select_maneuvers([record(yaw_command=np.zeros(TIME_S.size))], ["yaw"], IdentifySettings())
+
+
+def test_a_binary_signal_excites_far_above_its_half_periods() -> None:
+    # A controller answers steps of an angle with torque that has nearly all of its power octaves above them.
+    rng = np.random.default_rng(3)
+    steps = np.where(np.repeat(rng.random(120), 100) > 0.5, 0.2, -0.2)
+    torque = np.diff(lfilter([0.1], [1.0, -0.9], steps), prepend=0.0)
+    flight = Flight(record(theta_setpoint=steps, pitch_command=torque), given(0.0, 119.0))
+    slow, fast = excited_band([flight], "theta_setpoint"), excited_band([flight], "pitch_command")
+    assert slow is not None
+    assert fast is not None
+    assert slow[0] < 1.0
+    assert slow[1] < fast[1]
+    # The torque turns over at the 10 rad/s of the lag; its half periods say 3 rad/s at most.
+    assert fast[0] < 10.0 < fast[1]
+    assert excited_band([flight], "yaw_command") is None
+    assert excited_band([Flight(record(p=np.ones(TIME_S.size)), given(0.0, 119.0))], "p") is None
