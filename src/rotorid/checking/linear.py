@@ -59,6 +59,7 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.excitations import find_excitations
 from rotorid.typing import Axis, FloatArray
+from rotorid.verification.driven import driven
 
 _REST_S = 1.5
 """Taken along before and after a short maneuver that models are scored on."""
@@ -142,6 +143,7 @@ class LinearPredictor:
                     outputs_at=partial(_outputs_at, problem),
                     starts=piece_starts(problem.records),
                     held=records.hold == "zero",
+                    moved=driven(structure, data.inputs),
                 )
             )
         findings = [*records.findings, *missing_outputs(whole.outputs, structure.outputs, record)]

@@ -44,6 +44,7 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.simulation.nonlinear import Scheme, simulate_nonlinear
 from rotorid.typing import FloatArray
+from rotorid.verification.driven import driven
 from rotorid.verification.fixed_parameters import FixedParameterScores
 from rotorid.verification.verification import Scores, Verification
 
@@ -114,13 +115,16 @@ class NonlinearPredictor:
         problem = _fixed_problem(logged, whole.parameters, records.data, Scheme(hold=records.hold))
         fit = fit_nonlinear(problem, rounds=_START_ROUNDS)
         pairs = zip(records.segments, fit.problem.predicted(fit.solution.theta), strict=True)
+        checks = [_verification(segment, one.record, one.predicted, logged) for segment, one in pairs]
+        if not any(check.moved for check in checks):
+            raise InsufficientDataError(
+                f"no input moved {' or '.join(outputs)} clearly",
+                needed=f"a flight in which {' or '.join(whole.inputs)} moves",
+            )
         left = [name for name in whole.outputs if name not in outputs]
         return Predictions(
             found=Verifications(
-                maneuvers=tuple(
-                    _verification(segment, predicted.record, predicted.predicted, logged)
-                    for segment, predicted in pairs
-                ),
+                maneuvers=tuple(check for check in checks if check.moved),
                 findings=(
                     *_remarks(records),
                     *(remark("missing_channel", name, f"{name} is not logged, so it was not judged.") for name in left),
@@ -165,6 +169,7 @@ class NonlinearPredictor:
             outputs_at=outputs_at,
             starts=piece_starts(pieces),
             held=scheme.hold == "zero",
+            moved=driven(equations, data.inputs),
         )
 
     def _starts(self, pieces: Sequence[TimeData], logged: NonlinearStructure, scheme: Scheme) -> FloatArray:
@@ -221,8 +226,12 @@ def _verification(
     segment: Segment, data: TimeData, predicted: FloatArray, structure: NonlinearStructure
 ) -> Verification:
     time_s = segment.history.time_s
-    driven = [name for name, row in zip(structure.inputs, data.inputs, strict=True) if np.ptp(row) > 0.0]
-    moved, outputs = structure.reached(driven), zip(structure.outputs, structure.output_equations, strict=True)
+    scores = {
+        name: Scores.plain(measured, simulated)
+        for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
+    }
+    moved = driven(structure, data.inputs)
+    shown = [name for name, one in scores.items() if math.isfinite(moved.judged(name, one.nrmse_fit_percent))]
     return Verification(
         record=segment.record,
         maneuver=between(segment.maneuver, time_s),
@@ -232,11 +241,8 @@ def _verification(
         predicted=predicted,
         input_names=structure.inputs,
         output_names=structure.outputs,
-        scores={
-            name: Scores.plain(measured, simulated)
-            for name, measured, simulated in zip(structure.outputs, data.outputs, predicted, strict=True)
-        },
-        moved=tuple(name for name, output in outputs if output.names & (moved | set(driven)) or not driven),
+        scores=scores,
+        moved=tuple(shown),
     )
 
 
@@ -245,7 +251,7 @@ def _compared(check: Verification) -> FixedParameterScores:
     return FixedParameterScores(
         record=check.record,
         horizon_s=math.inf,
-        scores=plain_scores(check.scores),
+        scores=plain_scores(check.scores, check.moved),
         time_s=check.time_s - check.time_s[0],
         measured=check.measured,
         predicted=check.predicted,

@@ -8,12 +8,14 @@ predictor of a model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, UsageError, reason_of
@@ -27,6 +29,7 @@ from rotorid.settings.flying import FlySettings
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.typing import FloatArray
+from rotorid.verification.driven import Driven
 from rotorid.verification.fixed_parameters import FixedParameterScores, OutputScore
 from rotorid.verification.verification import Scores
 
@@ -92,6 +95,8 @@ class Simulation:
         Samples at which the simulation begins anew, the first included.
     held
         Whether inputs are constant between their samples.
+    moved
+        Outputs that the inputs moved, ``None`` where all are judged.
     """
 
     record: str
@@ -104,6 +109,11 @@ class Simulation:
     outputs_at: Callable[[Mapping[str, float]], FloatArray]
     starts: tuple[int, ...] = (0,)
     held: bool = False
+    moved: Driven | None = None
+
+    def judges(self, output: str, fit_percent: float) -> bool:
+        """Whether the flight shows how well an output is predicted."""
+        return self.moved is None or math.isfinite(self.moved.judged(output, fit_percent))
 
 
 class Predictor(Protocol):
@@ -255,6 +265,19 @@ def piece_starts(pieces: Sequence[TimeData]) -> tuple[int, ...]:
     return tuple(int(place) for place in np.cumsum([0, *(piece.samples for piece in pieces[:-1])]))
 
 
+def not_moved(record: str, outputs: Sequence[str]) -> Finding:
+    """A note on outputs of a log that no input of a model moved: how well they are predicted is not known.
+
+    Examples
+    --------
+    >>> not_moved("a.csv", ["psi"]).message
+    'No input of the model moved psi clearly in a.csv, so there is no score of psi.'
+    """
+    words = listed(outputs)
+    message = f"No input of the model moved {words} clearly in {record}, so there is no score of {words}."
+    return remark("no_excitation", record, message)
+
+
 def missing_outputs(outputs: Sequence[str], logged: Sequence[str], record: FlightRecord) -> list[Finding]:
     """Outputs that are simulated with no measurement to compare."""
     name = record.source.name
@@ -267,10 +290,14 @@ def missing_outputs(outputs: Sequence[str], logged: Sequence[str], record: Fligh
     ]
 
 
-def plain_scores(scores: Mapping[str, Scores]) -> dict[str, OutputScore]:
-    """Scores without the estimated unknowns."""
+def plain_scores(scores: Mapping[str, Scores], moved: Collection[str] | None = None) -> dict[str, OutputScore]:
+    """Scores without the estimated unknowns; an output that did not move has no fit."""
     return {
-        name: OutputScore(nrmse_fit_percent=score.nrmse_fit_percent, tic=score.tic, rms=score.rms)
+        name: OutputScore(
+            nrmse_fit_percent=score.nrmse_fit_percent if moved is None or name in moved else -math.inf,
+            tic=score.tic,
+            rms=score.rms,
+        )
         for name, score in scores.items()
     }
 

@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rotorid.checking.candidate import candidate_model
-from rotorid.checking.predictions import Simulation, between
+from rotorid.checking.predictions import Simulation, between, not_moved
 from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
@@ -204,7 +204,7 @@ def fly_log(
             continue
         found = [_stretch(stretch, values, draws) for stretch in simulations]
         stretches += found
-        findings += stretch_findings
+        findings += [*stretch_findings, *_unmoved(name, simulations, found)]
         flights += [Flight(record, stretch.maneuver) for stretch in found]
     if not stretches:
         causes = "; ".join(finding.message.rstrip(".") for finding in findings if finding.kind == "not_verified")
@@ -220,6 +220,18 @@ def fly_log(
         findings=worst_first(findings),
         provenance=provenance(logs, settings, flights=flights),
     )
+
+
+def _unmoved(record: str, simulations: Sequence[Simulation], flown: Sequence[FlownStretch]) -> list[Finding]:
+    """A note on measured outputs of a log without a score."""
+    measured = {
+        name: None
+        for simulation in simulations
+        for name, row in zip(simulation.output_names, simulation.measured, strict=True)
+        if simulation.moved is not None and np.isfinite(row).all()
+    }
+    still = [name for name in measured if all(name not in stretch.scores for stretch in flown)]
+    return [not_moved(record, still)] if still else []
 
 
 def refused_flight(
@@ -322,9 +334,11 @@ def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequenc
         output_names=simulation.output_names,
         starts=simulation.starts,
         scores={
-            name: Scores.plain(row, other)
+            name: scores
             for name, row, other in zip(simulation.output_names, measured, rows, strict=True)
-            if np.isfinite(row).all() and np.ptp(row) > 0.0
+            if np.isfinite(row).all()
+            and np.ptp(row) > 0.0
+            and simulation.judges(name, (scores := Scores.plain(row, other)).nrmse_fit_percent)
         },
         held=simulation.held,
     )

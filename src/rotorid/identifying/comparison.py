@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.checking.candidate import candidate_model
-from rotorid.checking.predictions import Trial, fitted_logs, was_fitted
+from rotorid.checking.predictions import Trial, fitted_logs, not_moved, was_fitted
 from rotorid.checking.predictors import predictor_of
 from rotorid.checking.scores import common_band, common_horizon_s
 from rotorid.data.base import Immutable
@@ -446,7 +446,7 @@ def _remarks(
     shared: Sequence[str],
     summaries: Mapping[str, OnLogsSummary],
 ) -> list[Finding]:
-    found = []
+    found = [*_unmoved(maneuvers)]
     fitted_maneuvers = {label: [each for each in maneuvers if label in each.seen] for label in summaries}
     if any(summary.seen for summary in summaries.values()):
         labels = ", ".join(label for label, them in fitted_maneuvers.items() if them)
@@ -468,6 +468,18 @@ def _remarks(
             )
         )
     return found
+
+
+def _unmoved(maneuvers: Sequence[ComparedManeuver]) -> Iterator[Finding]:
+    """A note on each log with outputs that no input of a model moved: they are no part of its means."""
+    still: dict[str, dict[str, None]] = {}
+    for each in maneuvers:
+        for group in each.scores.values():
+            for name in scored_outputs(group):
+                if not math.isfinite(fit_percent(group, name)):
+                    still.setdefault(each.record, {})[name] = None
+    for record, names in still.items():
+        yield not_moved(record, list(names))
 
 
 _TIMES = ("tau_", "T_")

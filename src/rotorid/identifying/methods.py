@@ -559,9 +559,7 @@ class InTime(_Linear[TimeDomainData]):
                 fit_percent=fitted.fit_percent,
                 hold=records.hold,
                 pieces_s=fitted.pieces_s,
-                records=record_fits(
-                    fitted.simulated, records, structure.outputs, parameters=fitted.listed, alone=fitted.alone
-                ),
+                records=record_fits(fitted.simulated, records, structure, parameters=fitted.listed, alone=fitted.alone),
                 noise=dict(zip(structure.outputs, map(float, noise), strict=True)),
                 log_likelihood=fitted.log_likelihood,
                 information=information(fitted),

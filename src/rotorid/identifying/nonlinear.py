@@ -33,7 +33,7 @@ from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, with_
 from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
 from rotorid.fits.time.fit import explained_percents, simulated_records
 from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
-from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen
+from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen, undriven_outputs
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.fitting.time.disturbed import DISTURBED, PIECES_S, falls, left_over, pushed
@@ -163,7 +163,12 @@ class FittedNonlinear(Immutable):
     @cached_property
     def fit_percent(self) -> dict[str, float]:
         """Output to the share of its motion that the model explains, over all records."""
-        return explained_percents(self.outputs, self.simulated)
+        return explained_percents(self.fitted, self.simulated)
+
+    @property
+    def fitted(self) -> NonlinearStructure:
+        """Structure of the outputs that were fitted."""
+        return self.model.select(self.outputs)
 
 
 class Posing(NamedTuple):
@@ -357,7 +362,7 @@ class Nonlinear:
         numbers = len(fitted.bounds.names) + problem.most_unknowns + outputs * (outputs + 1) // 2
         likelihood = log_likelihood(problem)
         fits = record_fits(
-            fitted.simulated, data.records, fitted.outputs, parameters=fitted.model.parameters, alone=fitted.alone
+            fitted.simulated, data.records, fitted.fitted, parameters=fitted.model.parameters, alone=fitted.alone
         )
         linear = fitted.structure.parameters
         return FitReport(
@@ -406,6 +411,7 @@ class Nonlinear:
         return (
             *((fitted.disturbance,) if fitted.disturbance is not None else ()),
             *judge_explained(fitted.fit_percent),
+            *undriven_outputs(fitted.fitted, fitted.simulated, fitted.fit_percent),
             *judge_colors(fitted.model.name, fitted.bounds, step_s),
             *judge_solver(fitted.model.name, fitted.fit.solution, fitted.model.parameters, fitted.model.input_delays),
             *judge_parameters(fitted.model.parameters, fitted.bounds),

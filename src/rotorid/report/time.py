@@ -155,7 +155,10 @@ def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
             samples=str(fit.samples),
             rate=f"{significant(fit.sample_rate_hz, digits=4)} Hz",
             pieces=str(fit.pieces),
-            fits=tuple(percent_verdict(fit.fit_percent[name]) for name in document.outputs if name in fit.fit_percent),
+            fits=tuple(
+                percent_verdict(fit.fit_percent[name]) if name in fit.fit_percent else Verdict("", "not judged")
+                for name in document.outputs
+            ),
         )
         for fit in document.records
     )

@@ -19,6 +19,7 @@ from rotorid.fitting.time.output_error import InitialCondition, TimeData, TimePr
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linear import Hold
 from rotorid.typing import BoolArray, FloatArray
+from rotorid.verification.driven import driven
 from rotorid.verification.prediction import predict_ahead
 from rotorid.verification.sampled import sampled
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
@@ -148,7 +149,7 @@ def score_frozen(
     if horizon_s is None:
         horizon_s = natural_horizon_s(structure, values, record.duration_s)
     if math.isfinite(horizon_s):
-        return _ahead(structure, values, record, horizon_s)
+        return _shown(structure, record, _ahead(structure, values, record, horizon_s))
     problem = TimeProblem(
         structure=structure,
         parameters=structure.parameters.with_values(values),
@@ -157,7 +158,19 @@ def score_frozen(
         unknowns=tuple(unknowns),
     )
     (fitted,) = problem.predicted(problem.parameters.pack())
-    return _scores(structure, record, fitted.predicted)
+    return _shown(structure, record, _scores(structure, record, fitted.predicted))
+
+
+def _shown(structure: LinearStructure, record: TimeData, found: FixedParameterScores) -> FixedParameterScores:
+    """Scores without the fit of outputs that no input of the record moved."""
+    moved = driven(structure, record.inputs)
+    return replace(
+        found,
+        scores={
+            name: replace(score, nrmse_fit_percent=moved.judged(name, score.nrmse_fit_percent))
+            for name, score in found.scores.items()
+        },
+    )
 
 
 def _scores(structure: LinearStructure, record: TimeData, predicted: FloatArray) -> FixedParameterScores:

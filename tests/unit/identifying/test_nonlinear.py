@@ -17,6 +17,7 @@ from rotorid.flying import fly_log
 from rotorid.flying.flown_models import FlownStretch
 from rotorid.identifying import compare, identify, verify
 from rotorid.results import IdentifiedModel
+from rotorid.results.verdicts import verdict
 
 INSIDE_STDS = 4.0
 
@@ -39,6 +40,30 @@ def test_what_was_not_commanded_is_held_and_said(flight: IdentifiedModel) -> Non
     said = [one.where for one in flight.findings if one.kind == "no_excitation"]
     assert {"K_psi", "T_psi", "tau_psi"} <= set(said)
     assert [one.where for one in flight.findings if one.kind == "missing_channel"] == ["r_setpoint"]
+
+
+def test_a_heading_that_was_not_flown_is_no_bad_fit(flight: IdentifiedModel) -> None:
+    assert flight.fit.fit_percent is not None
+    assert set(flight.fit.fit_percent) == set(flight.fit.outputs) - {"psi"}
+    assert min(flight.fit.fit_percent.values()) > 85.0
+    assert verdict(flight).color == "green"
+    assert not [one for one in flight.findings if one.kind == "poor_fit"]
+    (note,) = [one for one in flight.findings if one.where == "psi"]
+    assert (note.kind, note.severity) == ("no_excitation", "info")
+    assert note.message.startswith("r_setpoint did not move")
+    assert all("psi" not in one.fit_percent for one in flight.fit.records)
+    assert "psi" not in flight.verification.maneuvers[0].moved
+
+
+def test_a_heading_that_was_not_flown_is_no_score(flight: IdentifiedModel) -> None:
+    compared = compare([flight, flight], [large_motion(seed=6)])
+    (one,) = compared.maneuvers
+    label, outputs = compared.entries[0].label, ["phi", "theta", "velocity_north", "velocity_east", "velocity_down"]
+    assert one.mean_percent(label, [*outputs, "psi"]) == one.mean_percent(label, outputs)
+    assert one.mean_percent(label, outputs) > 85.0
+    assert ["psi" in one.message for one in compared.findings if one.kind == "no_excitation"] == [True]
+    (stretch,) = fly_log(flight, [large_motion(seed=6)]).stretches
+    assert "psi" not in stretch.scores
 
 
 def test_positions_are_integrals_and_not_fitted_but_judged(flight: IdentifiedModel) -> None:

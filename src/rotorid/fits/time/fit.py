@@ -50,6 +50,7 @@ from rotorid.fitting.time.output_error import (
 from rotorid.flights.instruments import is_command
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.families import black_box_order, family_of
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.results.model import SimulatedRecord
@@ -59,6 +60,7 @@ from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.sandwich import by_lines
 from rotorid.uncertainty.time_error import by_records, grown, with_time_error
+from rotorid.verification.driven import driven
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -188,17 +190,26 @@ class TimeFit(Immutable):
     @property
     def fit_percent(self) -> dict[str, float]:
         """Output to the share of its motion about the mean of each record that the model explains, all together."""
-        return explained_percents(self.structure.outputs, self.simulated)
+        return explained_percents(self.structure, self.simulated)
 
 
-def explained_percents(outputs: Sequence[str], simulated: Sequence[SimulatedRecord]) -> dict[str, float]:
-    """Output to the share of its motion about the mean of each record that a simulation explains, all together."""
+def explained_percents(
+    structure: LinearStructure | NonlinearStructure, simulated: Sequence[SimulatedRecord]
+) -> dict[str, float]:
+    """Output to the share of its motion about the mean of each record that a simulation explains, all together.
+
+    Records count in which an input moves the output, and an output without such a record has no share.
+    """
+    moved = [driven(structure, record.inputs) for record in simulated]
     percents = {}
-    for row, name in enumerate(outputs):
-        pairs = [(record.measured[row], record.simulated[row]) for record in simulated]
-        missed = sum(float(np.sum((measured - simulated) ** 2)) for measured, simulated in pairs)
-        moved = sum(float(np.sum((measured - measured.mean()) ** 2)) for measured, _ in pairs)
-        percents[name] = 100.0 * (1.0 - math.sqrt(missed / moved)) if moved > 0.0 else 0.0
+    for row, name in enumerate(structure.outputs):
+        shown = [(record, one) for record, one in zip(simulated, moved, strict=True) if name in one.outputs]
+        missed = sum(float(np.sum((record.measured[row] - record.simulated[row]) ** 2)) for record, _ in shown)
+        motion = sum(float(np.sum((record.measured[row] - record.measured[row].mean()) ** 2)) for record, _ in shown)
+        if motion > 0.0:
+            percent = 100.0 * (1.0 - math.sqrt(missed / motion))
+            if any(math.isfinite(one.judged(name, percent)) for _, one in shown):
+                percents[name] = percent
     return percents
 
 

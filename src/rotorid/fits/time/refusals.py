@@ -72,8 +72,11 @@ def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, r
 
 
 def unexplained(fit_percent: Mapping[str, float]) -> list[Finding]:
-    """Refusals of a simulation that leaves more of every output than it explains."""
-    if not fit_percent or max(fit_percent.values()) >= LEAST_EXPLAINED_PERCENT:
+    """Refusals of a simulation that leaves more of every output than it explains, or of which none was moved."""
+    if not fit_percent:
+        message = "No input moved an output clearly, and the model explains none of them."
+        return [refusal("no_excitation", "outputs", message)]
+    if max(fit_percent.values()) >= LEAST_EXPLAINED_PERCENT:
         return []
     return [
         refusal(

@@ -13,8 +13,12 @@ from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.expression import Expression
 from rotorid.models.families import family_of
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
+from rotorid.results.model import SimulatedRecord
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.verification.driven import driven, undriven_words
 from rotorid.verification.scores import GOOD_FIT_PERCENT
 
 _COLORED = 1.2
@@ -31,6 +35,7 @@ def judge_time_fit(fitted: TimeFit, records: TimeRecords, fit_percent: Mapping[s
         *fitted.findings,
         *_pieces(fitted),
         *judge_explained(fit_percent, simulated=fitted.method == "output_error"),
+        *undriven_outputs(fitted.structure, fitted.simulated, fit_percent),
         *judge_colors(fitted.problem.structure.name, fitted.bounds, 1.0 / records.data[0].sample_rate_hz),
         *judge_solver(
             fitted.problem.structure.name, fitted.solution, fitted.parameters, fitted.problem.structure.input_delays
@@ -82,6 +87,24 @@ def judge_explained(fit_percent: Mapping[str, float], *, simulated: bool = True)
         )
         for name, percent in fit_percent.items()
         if percent < GOOD_FIT_PERCENT
+    ]
+
+
+def undriven_outputs(
+    structure: LinearStructure | NonlinearStructure,
+    simulated: Sequence[SimulatedRecord],
+    fit_percent: Mapping[str, float],
+) -> list[Finding]:
+    """A note on each output that no input moved, or hardly: the records do not show how well it is explained."""
+    moved = [driven(structure, record.inputs) for record in simulated]
+    return [
+        remark(
+            "no_excitation",
+            name,
+            f"{undriven_words(structure, name, moved)}, so the records do not show how well {name} is explained.",
+        )
+        for name in structure.outputs
+        if name not in fit_percent and simulated
     ]
 
 

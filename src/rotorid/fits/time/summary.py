@@ -8,18 +8,21 @@ from collections.abc import Sequence
 from rotorid.fits.scatter import LogEstimate
 from rotorid.fits.time.fit import TimeFit
 from rotorid.flights.segments import TimeRecords
+from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
 from rotorid.results.model import SimulatedRecord
 from rotorid.results.summary import Derived, EquationFit, Information, RecordFit, Residuals
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
+from rotorid.verification.driven import driven
 from rotorid.verification.scores import nrmse_fit_percent
 
 
 def record_fits(
     simulated: Sequence[SimulatedRecord],
     records: TimeRecords,
-    outputs: Sequence[str],
+    structure: LinearStructure | NonlinearStructure,
     *,
     parameters: ParameterSet,
     alone: Sequence[LogEstimate] = (),
@@ -36,12 +39,15 @@ def record_fits(
             pieces=len(record.starts),
             fit_percent={
                 name: percent
-                for row, name in enumerate(outputs)
-                if math.isfinite(percent := nrmse_fit_percent(record.measured[row], record.simulated[row]))
+                for row, name in enumerate(structure.outputs)
+                if math.isfinite(
+                    percent := moved.judged(name, nrmse_fit_percent(record.measured[row], record.simulated[row]))
+                )
             },
             parameters=estimates.get(f"{record.record} at {float(record.time_s[0]):.1f} s", {}),
         )
         for record, data in zip(simulated, records.data, strict=True)
+        for moved in [driven(structure, record.inputs)]
     )
 
 
