@@ -287,31 +287,37 @@ def _misses(name: str, size: float) -> Finding:
     )
 
 
-def _what_ends(measured: Measured, top: float) -> str:
+_GIVEN_SHARE = 0.9
+"""Share of the octaves of a band that was given for a response, below which a finding says how little was fitted."""
+
+
+def _what_ends(measured: Measured, asked_to_rad_s: float, top: float) -> str:
     """Why the fitted band ends where it does."""
-    if measured.excited_to_rad_s < measured.asked_rad_s[1] and top > 0.9 * measured.trusted_rad_s[1]:
+    if measured.excited_to_rad_s < asked_to_rad_s and top > 0.9 * measured.trusted_rad_s[1]:
         return f"the sweeps end at {measured.excited_to_rad_s:.3g} rad/s"
     return f"above, the coherence is too low or the error larger than {100.0 * LARGEST_RANDOM_ERROR:g} %"
 
 
-def judge_band(measured: Measured, used: BoolArray) -> tuple[Finding, ...]:
-    """How much of the band that was asked for could be used."""
+def judge_band(
+    measured: Measured, used: BoolArray, pairs: Mapping[str, tuple[float, float] | None]
+) -> tuple[Finding, ...]:
+    """How much of the band that was asked for could be used: of a response where one was given for it."""
     data = measured.response
     findings = []
     for y, u in np.ndindex(used.shape[:2]):
         omega = data.omega_rad_s[used[y, u]]
         if not omega.size:
             continue
-        share = np.log(omega[-1] / omega[0]) / np.log(measured.asked_rad_s[1] / measured.asked_rad_s[0])
-        if share < FITTED_SHARE:
-            low, high = measured.asked_rad_s
+        given = pairs.get(f"{data.outputs[y]}/{data.inputs[u]}")
+        low, high = given or measured.asked_rad_s
+        if np.log(omega[-1] / omega[0]) < (_GIVEN_SHARE if given else FITTED_SHARE) * np.log(high / low):
             findings.append(
                 warn(
                     "low_coherence",
                     f"{data.outputs[y]}/{data.inputs[u]}",
                     f"Only {omega[0]:.2g} to {omega[-1]:.3g} rad/s of the band {low:.2g} to {high:.3g} rad/s of "
                     f"{data.outputs[y]}/{data.inputs[u]} could be fitted; "
-                    f"{_what_ends(measured, float(omega[-1]))}.",
+                    f"{_what_ends(measured, high, float(omega[-1]))}.",
                     low_rad_s=float(omega[0]),
                     high_rad_s=float(omega[-1]),
                 )

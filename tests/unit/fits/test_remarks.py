@@ -12,7 +12,7 @@ import pytest
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.data_requirements import require_known_gain
 from rotorid.fits.frequency.refusals import _pushed_on_by_speed, _reasons_to_refuse
-from rotorid.fits.remarks import judge_parameters, judge_structure
+from rotorid.fits.remarks import judge_band, judge_parameters, judge_structure
 from rotorid.fitting.least_squares import Outcome
 from rotorid.models.library import library_model, rate_model
 from rotorid.models.parameter import ParameterSet
@@ -217,3 +217,29 @@ def test_a_response_that_costs_many_times_the_others_is_remarked_on() -> None:
     # In gusts: an error of 15 % costs 60 by itself.
     fitted.problem.data.random_error = np.full((3, 1, 20), 0.15)
     assert judge_structure(fitted.problem, np.array([[4.0], [5.0], [63.0]]), fitted.bounds, {}) == ()
+
+
+@pytest.mark.parametrize(
+    ("asked", "given", "words"),
+    [
+        ((1.0, 50.0), None, ""),
+        ((0.1, 50.0), None, "of the band 0.1 to 50 rad/s of p/roll_command could be fitted; above, the coherence"),
+        ((0.1, 50.0), (1.0, 40.0), ""),
+        (
+            (1.0, 50.0),
+            (0.5, 100.0),
+            "of the band 0.5 to 100 rad/s of p/roll_command could be fitted; the sweeps end at",
+        ),
+    ],
+    ids=["reached", "short", "the given one is reached", "the given one ends with the sweeps"],
+)
+def test_how_much_of_a_band_was_fitted_is_judged_by_what_was_given(
+    asked: tuple[float, float], given: tuple[float, float] | None, words: str
+) -> None:
+    omega = np.geomspace(1.0, 40.0, 50)
+    data = SimpleNamespace(omega_rad_s=omega, outputs=("p",), inputs=("roll_command",))
+    measured: Any = SimpleNamespace(
+        response=data, asked_rad_s=asked, excited_to_rad_s=50.0 if given else np.inf, trusted_rad_s=(0.1, 40.0)
+    )
+    found = judge_band(measured, np.ones((1, 1, 50), dtype=bool), {"p/roll_command": given} if given else {})
+    assert [words in one.message for one in found] == [True] * bool(words)

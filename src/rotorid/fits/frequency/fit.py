@@ -231,7 +231,7 @@ def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettin
     costs = problem.costs(final.theta)
     mean_cost = float(np.mean(costs[problem.used.any(axis=-1)]))
     remarks = (
-        *judge_band(measured, problem.used),
+        *judge_band(measured, problem.used, settings.pairs),
         *feedback_bias(measured, problem.used),
         *findings,
         *judge_parameters(parameters, limits),
