@@ -802,14 +802,15 @@ def _common_delay_s(records: Sequence[FlightRecord]) -> float:
 def _attitude(axis: Axis, measured: Measured, records: Sequence[TimeHistory]) -> AttitudeBandwidth | None:
     response, angle = measured.response, ANGLE_OF.get(axis, "")
     commands = [name for name in response.instruments if name in (f"{axis}_stick", f"{angle}_setpoint")]
-    # Outputs of other logs may have been measured with another instrument.
-    records = [record for record in records if not commands or commands[0] in record.names]
-    if not commands or not records or not all(angle in record.names for record in records):
+    # Records of one response may have different instruments.
+    held = {name: [record for record in records if {name, angle} <= set(record.names)] for name in commands}
+    command = max(held, key=lambda name: len(held[name]), default="")
+    if not held.get(command):
         return None
     try:
         answer = frequency_response(
-            records,
-            inputs=commands[:1],
+            held[command],
+            inputs=[command],
             outputs=[angle],
             omega_rad_s=response.omega_rad_s,
             windows_s=response.windows_s,
