@@ -136,7 +136,7 @@ def _document(
         target=exported.target,
         name=choices.names,
         results=[model.name for model in vehicle.models],
-        delay=choices.delay or ("none" if target_named(exported.target).scale else choices.model_delay),
+        delay=choices.delay or (choices.model_delay if target_named(exported.target).states else "none"),
         pade_order=max((kept.pade_order for kept in exported.delays.values() if kept.pade_order), default=None),
         delays={name: KeptDelaysDocument.model_validate(kept) for name, kept in exported.delays.items()},
         sample_rate_hz=choices.sample_rate_hz,

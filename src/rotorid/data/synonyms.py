@@ -36,6 +36,7 @@ TARGETS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("px4", "sih", "px4_sih", "px4-sitl", "px4_sitl", "jmavsim"), "px4-sih"),
         "sitl": "px4-sih or ardupilot",
         **dict.fromkeys(("apm", "ardupilot-sitl", "ardupilot_sitl", "copter", "arducopter"), "ardupilot"),
+        **dict.fromkeys(("mixer", "mmix", "betaflight", "lua", "motors", "ca_rotor", "matrix"), "allocation"),
         "simulink": "matlab or fmu",
         **dict.fromkeys(("octave", "m", "mat", "mlx"), "matlab"),
         **dict.fromkeys(("python", "python-control", "ss", "scipy", "statespace"), "control"),

@@ -79,13 +79,13 @@ def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
 
 def _require_supported_choices(target: Target, choices: ExportSettings) -> None:
     """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
-    if target.scale and choices.delay == "states":
+    if not target.states and choices.delay == "states":
         raise UsageError(
             f"{target.name} cannot have delays as states",
             needed="matlab, control, fmu or json",
             remedy="use --delay-as-lag instead of --pade" if target.lag else "leave --pade out",
         )
-    if target.scale and choices.sample_rate_hz is not None:
+    if not target.states and choices.sample_rate_hz is not None:
         raise UsageError(
             f"{target.name} has no sample rate",
             needed="matlab, control, fmu or json",

@@ -32,11 +32,12 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import refuse_tilted
-from rotorid.exports.px4_sih import lag_of
+from rotorid.exports.px4_sih import allocated, lag_of
 from rotorid.exports.round_trip import HOVER, compared, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import EXACT_PERCENT, Compared, Exported, Fidelity, number_text, table_lines, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
+from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -515,12 +516,10 @@ def _airframe(name: str, model: GazeboVehicle, rows: Sequence[Compared], head: S
     lines += [f"# {line}".rstrip() for line in head]
     lines += ["", ". ${R}etc/init.d/rc.mc_defaults", "", "PX4_SIMULATOR=${PX4_SIMULATOR:=gz}"]
     lines += ["PX4_GZ_WORLD=${PX4_GZ_WORLD:=default}", f"PX4_SIM_MODEL=${{PX4_SIM_MODEL:={name}}}", ""]
-    lines += ["param set-default SIM_GZ_EN 1", "", "param set-default CA_AIRFRAME 0"]
-    values: dict[str, float] = {"CA_ROTOR_COUNT": len(model.hubs_m)}
-    for index, (hub, spin) in enumerate(zip(model.hubs_m, model.spins, strict=True)):
-        # Forward and right; the model has left.
-        values |= {f"CA_ROTOR{index}_PX": hub[0], f"CA_ROTOR{index}_PY": -hub[1]}
-        values[f"CA_ROTOR{index}_KM"] = spin * model.torque_m
+    lines += ["param set-default SIM_GZ_EN 1", ""]
+    # The model's axes are forward, left and up.
+    rotors = RotorLayout(name=name, positions=model.hubs_m @ _DIAGONAL, spins=np.array(model.spins))
+    values = allocated(rotors, model.torque_m)
     for index in range(len(model.hubs_m)):
         values[f"SIM_GZ_EC_FUNC{index + 1}"] = 101 + index
         values[f"SIM_GZ_EC_MIN{index + 1}"] = model.slowest

@@ -48,13 +48,13 @@ from rotorid.exports.round_trip import (
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words, sih_lag
+from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.flying.vehicle_numbers import VehicleNumber
-    from rotorid.models.rotors import RotorLayout
     from rotorid.simulation.multirotor import Multirotor
 
 NAME = "px4-sih"
@@ -429,6 +429,14 @@ def set_lines(parameters: Mapping[str, float], head: Sequence[str]) -> str:
     return "\n".join([*_commented(head), *lines, "param save"]) + "\n"
 
 
+def allocated(layout: RotorLayout, torque_per_thrust_m: float) -> dict[str, float]:
+    """Parameters of PX4's control allocation for some rotors, as they are written."""
+    from rotorid.vehicles.px4 import rotor_parameters
+
+    found = rotor_parameters(layout, torque_per_thrust_m=torque_per_thrust_m)
+    return {"CA_AIRFRAME": 0.0, **{name: written(value) + 0.0 for name, value in found.items()}}
+
+
 def _commented(lines: Sequence[str]) -> list[str]:
     return [f"# {line}".rstrip() for line in lines]
 
@@ -438,14 +446,9 @@ def _airframe(name: str, frame: Frame, hubs_m: FloatArray, parameters: Mapping[s
     lines += [*_commented(head), "", ". ${R}etc/init.d/rc.mc_defaults", ""]
     lines += ["PX4_SIMULATOR=${PX4_SIMULATOR:=sihsim}", f"PX4_SIM_MODEL=${{PX4_SIM_MODEL:={name}}}", ""]
     lines += [f"param set-default SENS_EN_{sensor}SIM 1" for sensor in ("GPS", "BARO", "MAG")]
-    lines += ["", "param set-default CA_AIRFRAME 0", f"param set-default CA_ROTOR_COUNT {len(hubs_m)}"]
-    ratio = parameters["SIH_Q_MAX"] / parameters["SIH_T_MAX"]
-    for index, (hub, spin) in enumerate(zip(hubs_m, frame.spins, strict=True)):
-        lines += [
-            f"param set-default CA_ROTOR{index}_PX {hub[0]:.7g}",
-            f"param set-default CA_ROTOR{index}_PY {hub[1]:.7g}",
-            f"param set-default CA_ROTOR{index}_KM {spin * ratio:.7g}",
-        ]
+    layout = RotorLayout(name=frame.name, positions=hubs_m, spins=np.array(frame.spins), arm_known=True)
+    rotors = allocated(layout, parameters["SIH_Q_MAX"] / parameters["SIH_T_MAX"])
+    lines += ["", *(f"param set-default {key} {value:.7g}" for key, value in rotors.items())]
     lines += [""] + [f"param set-default PWM_MAIN_FUNC{index + 1} {101 + index}" for index in range(len(hubs_m))]
     own = {key: value for key, value in parameters.items() if key != "SIH_VEHICLE_TYPE"}
     lines += ["", *(f"param set-default {key} {value:.7g}" for key, value in own.items())]

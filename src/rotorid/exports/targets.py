@@ -23,7 +23,9 @@ class Target(Immutable):
     module
         Module of this package whose function ``export`` makes it.
     scale
-        Whether it needs a vehicle in kilograms and meters; state spaces do not.
+        Whether it needs a vehicle in kilograms and meters; state spaces and motor factors do not.
+    states
+        Whether it has linear models, with delays as states and a sample rate.
     lag
         Whether its motors have a lag, to which a delay can be added.
     """
@@ -32,6 +34,7 @@ class Target(Immutable):
     summary: str
     module: str
     scale: bool = True
+    states: bool = False
     lag: bool = True
 
 
@@ -46,10 +49,31 @@ TARGETS: Mapping[str, Target] = {
         Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),
         Target(name="rotorpy", summary="RotorPy: a Python file with its parameters", module="rotorpy"),
         Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf", lag=False),
-        Target(name="matlab", summary="MATLAB, Simulink and Octave: .mat and a script", module="matlab", scale=False),
-        Target(name="control", summary="python-control: a script", module="control", scale=False),
-        Target(name="fmu", summary="Simulink and Modelica: FMI 2.0 co-simulation", module="fmu", scale=False),
-        Target(name="json", summary="The models with their covariance, as JSON", module="json_model", scale=False),
+        Target(
+            name="allocation",
+            summary="Motor factors for ArduPilot (Lua), Betaflight (mmix) and PX4 (CA_ROTOR)",
+            module="allocation",
+            scale=False,
+            lag=False,
+        ),
+        Target(
+            name="matlab",
+            summary="MATLAB, Simulink and Octave: .mat and a script",
+            module="matlab",
+            scale=False,
+            states=True,
+        ),
+        Target(name="control", summary="python-control: a script", module="control", scale=False, states=True),
+        Target(
+            name="fmu", summary="Simulink and Modelica: FMI 2.0 co-simulation", module="fmu", scale=False, states=True
+        ),
+        Target(
+            name="json",
+            summary="The models with their covariance, as JSON",
+            module="json_model",
+            scale=False,
+            states=True,
+        ),
     )
 }
 

@@ -75,6 +75,8 @@ class JoinedVehicle(Immutable):
         Gains of the first log that held some.
     altitude_m
         Of the flight above sea level, where known.
+    layout
+        Its rotors, in units of the arm where that is not known; ``None`` where nothing says where they are.
     draws
         The same joined from results drawn from their covariance, as many as an interval takes; none where nothing was
         drawn.
@@ -89,6 +91,7 @@ class JoinedVehicle(Immutable):
     models: tuple[IdentifiedModel, ...] = ()
     controller: ControllerSettings | None = None
     altitude_m: float | None = None
+    layout: RotorLayout | None = None
     draws: tuple[JoinedVehicle, ...] = field(default=(), repr=False)
     findings: tuple[Finding, ...] = field(default=())
 
@@ -283,6 +286,7 @@ def joined_vehicle(
         dropped=dropped_numbers(models, numbers),
         models=tuple(models),
         controller=next((model.controller for model in (*flown, *models) if model.controller is not None), None),
+        layout=rotors,
     )
     return replace(vehicle, findings=(*findings, *_hover_remarks(vehicle, flown)))
 

@@ -73,9 +73,9 @@ class Step(BaseModel):
     robustness: Number | None = None
     noise: Number | None = None
     keep: tuple[Literal["P", "I", "D", "A"], ...] = ()
-    to: Literal["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"] = (
-        "json"
-    )
+    to: Literal[
+        "px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "allocation", "matlab", "control", "fmu", "json"
+    ] = "json"
     values: dict[Name, Number] = Field(default_factory=dict, max_length=30)
 
     @model_validator(mode="after")

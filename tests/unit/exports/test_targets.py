@@ -23,7 +23,7 @@ from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
 from rotorid.models.rotors import library_layout
 
 SCALED = [name for name, target in TARGETS.items() if target.scale]
-LINEAR = [name for name, target in TARGETS.items() if not target.scale]
+LINEAR = [name for name, target in TARGETS.items() if target.states]
 UNCOMMENTED = (".json", ".config", ".world.sdf", "_compile.py", ".mat")
 
 
