@@ -164,8 +164,8 @@ def _moment(
     thrust = [] if known_thrust else [f"thrust of {like}"]
     share = abs((wanted.std or 0.0) / wanted.value)
 
-    def number(name: str, value: float, *parts: str) -> dict[str, VehicleNumber]:
-        assumed = [*thrust, *(words for part in parts if (words := _of(part, joined)))]
+    def number(name: str, value: float, *parts: str, more: Sequence[str] = ()) -> dict[str, VehicleNumber]:
+        assumed = [*thrust, *(words for part in parts if (words := _of(part, joined))), *more]
         of = f"{wanted.of}, with {' and '.join(assumed)}" if assumed else wanted.of
         return {name: VehicleNumber(value=value, unit=UNITS[name], source="derived", std=share * value or None, of=of)}
 
@@ -182,7 +182,7 @@ def _moment(
         value = shape * (numbers["I_xx"].value + numbers["I_yy"].value)
         words = f"{numbers['I_xx'].of}; in proportion to I_xx + I_yy, as of {like}"
         own = VehicleNumber(value=value, unit=UNITS[moment], source="derived", of=words)
-        return {moment: own, **number(lever, numbers[lever].value * value / (ratio * before), moment)}
+        return {moment: own, **number(lever, numbers[lever].value * value / (ratio * before), more=["that I_zz"])}
     if inertia.source == "given" and numbers[lever].source == "default":
         return number(lever, numbers[lever].value / ratio, moment)
     return {}

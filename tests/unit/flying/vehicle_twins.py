@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -21,12 +22,16 @@ from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles.catalog import aircraft
+from rotorid.vehicles.px4 import with_gains
 
 LIBRARY = ("px4_quad", "hummingbird", "s500")
 MORE, LESS = 1.3, 0.7
 DIAMETER_M, DENSITY = 0.25, 1.2
 SHARE = 0.01
 COMMANDS = ("roll_command", "pitch_command", "yaw_command", "thrust_command")
+
+
+_GAIN = re.compile("MC_(ROLL|PITCH|YAW)RATE_[PID]")
 
 
 def twin_of(name: str) -> Aircraft:
@@ -53,6 +58,10 @@ def twin_of(name: str) -> Aircraft:
     weaker = {
         part: tuple(0.35 * gain for gain in getattr(loop, part)) for part in ("proportional", "integral", "derivative")
     }
+    if own.autopilot.kind == "px4":
+        logged = {name: 0.35 * value for name, value in own.autopilot.parameters.items() if _GAIN.fullmatch(name)}
+        own, weaker = with_gains(own, {**own.autopilot.parameters, **logged}, source="the twin"), {}
+        loop = own.autopilot.rates
     delays = tuple(MORE * delay_s + 0.002 * number for number, delay_s in enumerate(own.autopilot.delay_s))
     flies = replace(own.autopilot, rates=replace(loop, **weaker), delay_s=delays)
     return replace(own, autopilot=flies)
