@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rotorid.exports.target import Exported
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.results.model import IdentifiedModel
+    from rotorid.simulation.multirotor_flight import Aircraft
 
 FILE = "export.json"
 
@@ -52,11 +53,12 @@ def export_command(
     target = target_folder(output.out, default, result_kind(FILE), force=output.force)
     with progress(quiet=output.quiet):
         models = load_results(results)
-        vehicle = joined(models, choices, given=what.given, layout=what.layout)
+        like = None if what.like is None else _similar(what.like)
+        vehicle = joined(models, choices, given=what.given, layout=what.layout, like=like)
         exported = export(vehicle, what.to, choices)
-        more, draws = _drawn(models, what, choices, drawn)
+        more, draws = _drawn(models, what, choices, drawn, like)
         files = _files(exported, more)
-        document = _document(vehicle, exported, choices, files, draws)
+        document = _document(vehicle, exported, choices, files, draws, None if like is None else like.name)
         text = to_json(document)
         with making(target) as made:
             _write(made.place, {**files, FILE: text})
@@ -83,8 +85,19 @@ def _settings(given: dict[str, Any], *, no_delay: bool) -> ExportSettings:
     return ExportSettings(**given)
 
 
+def _similar(name: str) -> Aircraft:
+    """The vehicle of the library, or of a file, that gives what is missing."""
+    from rotorid.documents.vehicle import named_vehicle
+
+    return named_vehicle([name]).entry.aircraft
+
+
 def _drawn(
-    models: Sequence[IdentifiedModel], what: TargetSettings, choices: ExportSettings, drawn: DrawSettings
+    models: Sequence[IdentifiedModel],
+    what: TargetSettings,
+    choices: ExportSettings,
+    drawn: DrawSettings,
+    like: Aircraft | None,
 ) -> tuple[list[Exported], DrawsDocument | None]:
     """Further vehicles, drawn from the covariance of the results."""
     from rotorid.documents.export import DrawsDocument
@@ -94,7 +107,7 @@ def _drawn(
         return [], None
     log_progress(f"drawing {drawn.draws} vehicles")
     vehicles, redrawn = export_draws(
-        models, what.to, choices, drawn.draws, seed=drawn.seed, given=what.given, layout=what.layout
+        models, what.to, choices, drawn.draws, seed=drawn.seed, given=what.given, layout=what.layout, like=like
     )
     return vehicles, DrawsDocument(count=drawn.draws, seed=drawn.seed, redrawn=redrawn)
 
@@ -118,6 +131,7 @@ def _document(
     choices: ExportSettings,
     files: Mapping[str, str | bytes],
     draws: DrawsDocument | None,
+    like: str | None,
 ) -> ExportDocument:
     from rotorid.data.findings import worst_first
     from rotorid.documents.base import FindingDocument
@@ -132,6 +146,10 @@ def _document(
     from rotorid.exports.targets import target_named
 
     findings = worst_first([*vehicle.findings, *exported.findings])
+    # The usual numbers of a target that nothing was looked up for are its own matter.
+    taken = {
+        name: number for name, number in vehicle.numbers.items() if number.source == "default" and number.of == like
+    }
     return ExportDocument(
         target=exported.target,
         name=choices.names,
@@ -155,7 +173,7 @@ def _document(
         ],
         numbers=number_documents(vehicle.numbers),
         given=number_documents({name: number for name, number in vehicle.numbers.items() if number.source == "given"}),
-        defaults=number_documents(exported.defaults),
+        defaults=number_documents({**taken, **exported.defaults}),
         left_out=list(exported.left_out),
         draws=draws,
         start=exported.start,

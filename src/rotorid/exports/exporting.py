@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.models.rotors import RotorLayout
     from rotorid.results.model import IdentifiedModel
+    from rotorid.simulation.multirotor_flight import Aircraft
 
 
 def export(
@@ -25,6 +26,7 @@ def export(
     *,
     given: Mapping[str, float] | None = None,
     layout: RotorLayout | None = None,
+    like: Aircraft | None = None,
 ) -> Exported:
     """A vehicle in the files of another tool.
 
@@ -38,6 +40,8 @@ def export(
         Delay, rate, name.
     given, layout
         Numbers and rotors that the results do not hold, for :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
+    like
+        A vehicle that gives what is missing then.
 
     Raises
     ------
@@ -56,7 +60,7 @@ def export(
     """
     found, chosen = target_named(target), choices or ExportSettings()
     _require_supported_choices(found, chosen)
-    vehicle = joined(what, chosen, given=given, layout=layout)
+    vehicle = joined(what, chosen, given=given, layout=layout, like=like)
     if found.name in _OF_BOTH_HALVES:
         vehicle = _with_both_halves(vehicle)
     made: Exported = import_module(f"rotorid.exports.{found.module}").export(vehicle, chosen)
@@ -108,12 +112,13 @@ def export_draws(
     seed: int = 0,
     given: Mapping[str, float] | None = None,
     layout: RotorLayout | None = None,
+    like: Aircraft | None = None,
 ) -> tuple[list[Exported], int]:
     """Vehicles drawn from the covariance of the results, and how many draws were impossible.
 
     Parameters
     ----------
-    models, target, choices, given, layout
+    models, target, choices, given, layout, like
         As for :func:`export`.
     count
         How many vehicles.
@@ -128,10 +133,9 @@ def export_draws(
     import numpy as np
 
     from rotorid.exports.draws import draws, require_possible
-    from rotorid.flying.vehicle_from_results import joined_vehicle
 
     def made(drawn: Sequence[IdentifiedModel]) -> Exported:
-        vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        vehicle = _made(drawn, choices, given, layout, like)
         require_possible(vehicle)
         return export(vehicle, target, choices)
 
@@ -144,14 +148,15 @@ def joined(
     *,
     given: Mapping[str, float] | None = None,
     layout: RotorLayout | None = None,
+    like: Aircraft | None = None,
 ) -> JoinedVehicle:
     """What is exported, under the name that was chosen, with draws for the intervals of what follows from it."""
-    from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle
+    from rotorid.flying.vehicle_from_results import JoinedVehicle
 
     if isinstance(what, JoinedVehicle):
         return what
     models = what if isinstance(what, Sequence) else [what]
-    vehicle = joined_vehicle(models, given=given, name=choices.names, layout=layout)
+    vehicle = _made(models, choices, given, layout, like)
     if vehicle.multirotor is None or not any(model.bounds.names for model in models):
         return vehicle
     import numpy as np
@@ -159,7 +164,7 @@ def joined(
     from rotorid.exports.draws import draws, require_possible
 
     def made(drawn: Sequence[IdentifiedModel]) -> JoinedVehicle:
-        vehicle = joined_vehicle(drawn, given=given, name=choices.names, layout=layout)
+        vehicle = _made(drawn, choices, given, layout, like)
         require_possible(vehicle)
         return vehicle
 
@@ -169,6 +174,22 @@ def joined(
         # Known too badly for an interval: the numbers themselves are written with their own.
         return vehicle
     return replace(vehicle, draws=tuple(drawn))
+
+
+def _made(
+    models: Sequence[IdentifiedModel],
+    choices: ExportSettings,
+    given: Mapping[str, float] | None,
+    layout: RotorLayout | None,
+    like: Aircraft | None,
+) -> JoinedVehicle:
+    """The vehicle of results, with numbers of a similar one where there is one."""
+    from rotorid.flying.user_vehicles import own_vehicle
+    from rotorid.flying.vehicle_from_results import joined_vehicle
+
+    if like is None:
+        return joined_vehicle(models, given=given, name=choices.names, layout=layout)
+    return own_vehicle(models, like=like, given=given, name=choices.names, layout=layout).joined
 
 
 _DRAWS = 100

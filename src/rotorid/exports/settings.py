@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.exports.targets import TARGETS, target_named
-from rotorid.flying.settings import CHANGES
+from rotorid.flying.settings import CHANGES, vehicle_names
 from rotorid.settings.option import Option, Text, require_seed, require_words
 
 if TYPE_CHECKING:
@@ -142,6 +142,16 @@ class TargetSettings(Immutable):
             "Rotor layout, if the results have none: quad.x, ..., or a file.",
             "Vehicle",
             Text("NAME|FILE.toml", parse_layout),
+        ),
+    ] = None
+    like: Annotated[
+        str | None,
+        Option(
+            "--like",
+            "Library vehicle that supplies numbers which neither results nor --set give.",
+            "Vehicle",
+            metavar="NAME",
+            words=vehicle_names,
         ),
     ] = None
 

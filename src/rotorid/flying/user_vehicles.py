@@ -121,6 +121,7 @@ def own_vehicle(
     like: Aircraft | None,
     given: Mapping[str, float] | None = None,
     name: str = "vehicle",
+    layout: RotorLayout | None = None,
 ) -> OwnVehicle:
     """A vehicle that flies, from results.
 
@@ -134,6 +135,8 @@ def own_vehicle(
         Numbers that were measured otherwise; see :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
     name
         What the vehicle is called.
+    layout
+        Rotors, where results do not have them; by default those of the other vehicle.
 
     Raises
     ------
@@ -157,7 +160,8 @@ def own_vehicle(
         del usual["T_motor"]
     # Its arm is one of the usual numbers.
     known = any(layout_of_result(model) is not None for model in models)
-    layout = None if known else replace(like.vehicle.rotors.layout, arm_known=False)
+    taken_rotors = layout is None and not known
+    layout = replace(like.vehicle.rotors.layout, arm_known=False) if taken_rotors else layout
 
     def made(others: Mapping[str, VehicleNumber]) -> JoinedVehicle:
         return joined_vehicle(models, given=given, name=name, usual={**usual, **others}, layout=layout)
@@ -171,7 +175,7 @@ def own_vehicle(
     craft = craft_of(joined)
     joined = replace(joined, findings=(*joined.findings, *answer_remarks(craft, models)))
     _, taken = _autopilot(joined, craft.vehicle, like)
-    if layout is not None:
+    if taken_rotors:
         taken = ["the places of the rotors", *taken]
     words = [
         f"{key} = {number.value:.4g} {number.unit}"

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rotorid.data.quantity import with_error
 from rotorid.flying.vehicle_numbers import UNITS, Source, VehicleNumber, label_of
 from rotorid.models.hover_layouts import HOVER
 from rotorid.models.rotors import RotorLayout
@@ -45,6 +46,9 @@ the outputs of the log are not of one unit."""
 
 _MOST_HOVER = 0.9
 """Output of hover above which a vehicle could hardly climb."""
+
+_CUT_SIGMAS, _LEAST_SPREAD = 5.0, 1e-3
+"""Standard deviations to a possible yaw inertia beyond which the nearest is taken; the least spread, of the value."""
 
 _OF: Mapping[str, tuple[str, ...]] = {
     "m": ("m",),
@@ -110,11 +114,46 @@ def numbers_of_hover(model: IdentifiedModel, known: Mapping[str, float]) -> dict
         if not measured and name in numbers:
             words = f"{label_of(model)}, with {'thrust' if found['c_1'] else 'speed'} in proportion to output"
             numbers[name] = replace(numbers[name], of=words)
+    numbers |= _inside_body(numbers, known)
     for name, other in (("kappa", "I_zz"), ("I_zz", "kappa")):
         # The flight shows their ratio well, and each alone badly or not at all.
         if other in known and name not in known:
             numbers.pop(name, None)
     return numbers
+
+
+def _inside_body(numbers: Mapping[str, VehicleNumber], known: Mapping[str, float]) -> dict[str, VehicleNumber]:
+    """Yaw inertia of a rigid body where the flight gives none: a normal distribution cut at what a body allows.
+
+    Roll and pitch are known much better, and the ratio of torque and inertia of yaw is kept.
+    """
+    if not {"I_xx", "I_yy", "I_zz", "kappa_per_I_zz"} <= set(numbers) or {"I_zz", "kappa"} & set(known):
+        return {}
+    roll, pitch, yaw = (known.get(name, numbers[name].value) for name in ("I_xx", "I_yy", "I_zz"))
+    low, high = abs(roll - pitch), roll + pitch
+    if low <= yaw <= high:
+        return {}
+    from scipy.stats import truncnorm
+
+    own = numbers["I_zz"]
+    spread = max(own.std or 0.0, _LEAST_SPREAD * yaw)
+    away = max(low - yaw, yaw - high) / spread
+    value, std = min(max(yaw, low), high), numbers["I_xx"].std
+    if away <= _CUT_SIGMAS:
+        value, std = (float(n) for n in truncnorm.stats((low - yaw) / spread, (high - yaw) / spread, yaw, spread))
+        std = math.sqrt(std)
+    of = f"{own.of}, which gives {with_error(own.value, own.std)} {own.unit}, within what a rigid body allows"
+    ratio = numbers["kappa_per_I_zz"]
+    return {
+        "I_zz": replace(own, value=value, std=std, source="derived", of=of),
+        "kappa": replace(
+            numbers["kappa"],
+            value=ratio.value * value,
+            std=None if std is None else ratio.value * std,
+            source="derived",
+            of=f"{ratio.of}, by kappa/I_zz and this I_zz",
+        ),
+    }
 
 
 def _count(model: IdentifiedModel) -> int:

@@ -100,7 +100,7 @@ def exact(
         one.name: ParameterEstimate(
             value=found[one.name],
             unit=one.unit,
-            std=None if one.status == "fixed" else SHARE * abs(found[one.name]),
+            std=None if one.status == "fixed" else SHARE * max(abs(found[one.name]), 1e-3),
             status=one.status,
         )
         for one in parameters
