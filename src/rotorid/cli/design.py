@@ -30,12 +30,15 @@ from rotorid.flying.settings import (
     vehicle_names,
 )
 from rotorid.proposing.settings import TUNED_AXES
-from rotorid.settings.option import Option
+from rotorid.settings.option import Option, changed_options, options_given
 from rotorid.settings.parsing import WORDS
 
 if TYPE_CHECKING:
+    from rotorid.documents.bench import BenchDesignDocument
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
     from rotorid.documents.vehicle import NamedVehicle
+
+RIG = "rig"
 
 _MOST_NAMED = 8
 """Parameters of a model that a line names."""
@@ -89,6 +92,9 @@ def design_command(
     require_autopilot(of_log.autopilot)
     _require_one_band(of_log, plan)
     named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
+    if named.entry.name == RIG and named.entry.make is None:
+        _design_bench(kinds, design, plan, [*options_given(of_log).values(), *options_given(air).values()], output)
+        return
     if not output.quiet:
         print_vehicle_remarks(named)
     choices = _as_flown(_settings(named, kinds, design, plan, air), of_log)
@@ -113,6 +119,66 @@ def design_command(
     supported = {predicted.model for plan in fitted for predicted in plan.told if predicted.prediction is not None}
     if any(predicted.model not in supported for plan in fitted for predicted in plan.told):
         raise typer.Exit(1)
+
+
+def _design_bench(
+    kinds: Sequence[str], design: dict[str, Any], plan: dict[str, Any], others: Sequence[str], output: Output
+) -> None:
+    """Sweeps of the motors of a rig, within the angle that it may reach."""
+    from rotorid.flying.bench_designs import BenchSettings, design_bench
+    from rotorid.io.folders import making, target_folder
+    from rotorid.report.files import result_kind, to_json, write_bench_design
+
+    taken = {"axes", "band_rad_s", "duration_s", "limits", "amplitudes", "seed", "prior"}
+    refused = [*others, *changed_options(PlanSettings, {k: v for k, v in plan.items() if k not in taken}).values()]
+    refused += changed_options(DesignSettings, {k: v for k, v in design.items() if k not in taken}).values()
+    if refused or list(kinds) != ["sweep"]:
+        raise UsageError(
+            f"{listed(refused or list(kinds))} cannot be used for a rig, which does not fly",
+            needed="a sweep with --axis, --band, --duration, --amplitude, --limit tilt=DEG, --prior or --seed",
+        )
+    given = {k: v for k, v in {**plan, "prior": design.get("prior")}.items() if k in taken and v is not None}
+    if (limits := given.pop("limits", None)) is not None:
+        given["limit_rad"] = limits.tilt_rad
+    target = target_folder(
+        output.out, results_folder() / f"{RIG}-design", result_kind("design.json"), force=output.force
+    )
+    with progress(quiet=output.quiet):
+        found = design_bench(BenchSettings(**given))
+        with making(target) as made:
+            document = write_bench_design(made.place, found, command=command_line())
+    if output.json:
+        sys.stdout.write(to_json(document))
+    elif not output.quiet:
+        _print_bench(document, made.folder)
+
+
+def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
+    """What moves, how far, and what it measures."""
+    from rotorid.cli.console import output_console
+
+    lines = [f"Sweep {listed([one.motor for one in document.sweeps])} of {document.vehicle}."]
+    for one in document.sweeps:
+        unit = "of full output" if one.unit == "1" else one.unit
+        lines.append(
+            f"  {one.motor}  {one.axis}  {one.start_s:.0f} to {one.stop_s:.0f} s  ± {significant(one.amplitude)} {unit}"
+        )
+    reached, limit = math.degrees(document.reached_rad), math.degrees(document.limit_rad)
+    lines.append(f"Predicted angle: ± {reached:.1f}° (limit {limit:.1f}°), held by a loop of about 1 rad/s.")
+    known = [f"{name} ±{row.percent:.2g} %" for name, row in document.expected.items() if row.percent is not None]
+    if known:
+        lines.append(f"Expected error of {document.model}: {', '.join(known)}.")
+    place = folder / "plan.json"
+    lines += [
+        f"plan: {place}, samples: {folder / 'plan.csv'}",
+        f"card: {folder / 'bench-card.html'}",
+    ]
+    if all(one.unit == "V" for one in document.sweeps):
+        lines.append(f"fly it in simulation: {shlex.join(['rotorid', 'simulate', RIG, '--plan', str(place)])}")
+    console = output_console()
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True, highlight=False)
+    print_findings(document.findings, verbose=True, page="")
 
 
 def _require_one_band(of_log: AutopilotSettings, plan: dict[str, Any]) -> None:

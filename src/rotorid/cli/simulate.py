@@ -143,13 +143,17 @@ def _fly_vehicle(
     default = results_folder() / named.entry.name
     target = target_folder(output.out, default, result_kind("simulation.json"), force=output.force)
     if named.entry.name == RIG and named.entry.make is None:
+        sweeps = plan if plan not in (None, _NO_PLAN, EVERYDAY) else None
         _refuse(
-            of_flights,
+            [option for option in of_flights if option != "--plan" or sweeps is None],
             "for the rig, which does not fly",
-            remedy="use only --seed and --out: it sweeps two motors for 120 s and writes CSV",
+            remedy="use only --seed, --out and --plan FILE: it sweeps two motors for 120 s and writes CSV",
         )
+        from rotorid.documents.design import read_plan
+
+        swept = None if sweeps is None else read_plan(Path(sweeps))
         with making(target) as made:
-            document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line())
+            document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line(), plan=swept)
     else:
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S

@@ -91,6 +91,8 @@ class PlannedInput(Immutable):
         Lowest and highest excited frequency; ``None`` for steps.
     entry
         Where it is added.
+    motor, motor_unit
+        Channel of a single motor that it drives on a bench, such as ``motor_3``, and its unit; empty for an axis.
     settings
         What else made the values, by name and in SI units: ``fade_in_s``, ``pulse_s``, ``seed``.
 
@@ -110,6 +112,8 @@ class PlannedInput(Immutable):
     amplitude: float
     band_rad_s: tuple[float, float] | None = None
     entry: Entry = "command"
+    motor: str = ""
+    motor_unit: str = ""
     settings: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -125,7 +129,7 @@ class PlannedInput(Immutable):
     @property
     def unit(self) -> str:
         """SI unit of the samples; on the axis of thrust everything is a fraction."""
-        return input_unit(self.axis, self.entry)
+        return self.motor_unit if self.motor else input_unit(self.axis, self.entry)
 
     @property
     def stop_s(self) -> float:
@@ -135,6 +139,8 @@ class PlannedInput(Immutable):
     @property
     def signal(self) -> str:
         """Channel in which it shows alone."""
+        if self.motor:
+            return f"{self.motor}_excitation"
         kinds = {"command": "excitation", "stick": "stick"}
         return f"{self.axis}_{kinds.get(self.entry, 'setpoint_excitation')}"
 

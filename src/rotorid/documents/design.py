@@ -35,6 +35,8 @@ class PlannedInputDocument(Document):
     amplitude: float
     band_rad_s: tuple[float, float] | None = None
     entry: Entry = "command"
+    motor: str = ""
+    motor_unit: str = ""
     settings: dict[str, float] = Field(default_factory=dict)
     sample_rate_hz: float
     values: list[float]
@@ -65,6 +67,8 @@ def plan_document(plan: FlightPlan) -> PlanDocument:
                 amplitude=planned.amplitude,
                 band_rad_s=planned.band_rad_s,
                 entry=planned.entry,
+                motor=planned.motor,
+                motor_unit=planned.motor_unit,
                 settings=dict(planned.settings),
                 sample_rate_hz=planned.sample_rate_hz,
                 values=np.round(planned.values, _DIGITS).tolist(),
@@ -86,6 +90,8 @@ def plan_of(document: PlanDocument) -> FlightPlan:
             amplitude=planned.amplitude,
             band_rad_s=planned.band_rad_s,
             entry=planned.entry,
+            motor=planned.motor,
+            motor_unit=planned.motor_unit,
             settings=planned.settings,
         )
         for planned in document.inputs

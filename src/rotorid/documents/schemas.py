@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 
 from rotorid.documents.base import Document
+from rotorid.documents.bench import BenchDesignDocument
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
@@ -34,6 +35,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.delay-1": DelayDocument,
     "rotorid.simulation-1": SimulationDocument,
     "rotorid.design-1": DesignDocument,
+    "rotorid.design-bench-1": BenchDesignDocument,
     "rotorid.plan-1": PlanDocument,
     "rotorid.results-1": ResultsDocument,
     "rotorid.inspections-1": InspectionsDocument,

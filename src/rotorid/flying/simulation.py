@@ -383,9 +383,13 @@ SWEPT = ("motor_3", "motor_4")
 LOG_NAME = "flight.csv"
 
 
-def move_rig(seed: int) -> FlightRecord:
-    """A record of 120 s in which the motors of roll are swept."""
+def move_rig(seed: int, plan: FlightPlan | None = None) -> FlightRecord:
+    """A record of the rig that flies a plan; without one, of 120 s in which the motors of roll are swept."""
     require_seed(seed)
+    if plan is not None:
+        from rotorid.flying.bench_designs import flown_on_rig
+
+        return flown_on_rig(plan, seed)
     return rig.fly(SWEPT, np.random.default_rng(seed))
 
 
@@ -396,9 +400,14 @@ def write_rig(path: Path, record: FlightRecord) -> None:
     write_csv(path, topic.time_s, columns, {channel.name: channel.unit for channel in topic.channels})
 
 
-def rig_simulation(record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = ()) -> Simulation:
+def rig_simulation(
+    record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = (), plan: FlightPlan | None = None
+) -> Simulation:
     """The rig, its true values, and where the log is."""
     topic, known = record.topics[0], VEHICLES[RIG]
+    whole = {maneuver.axis for maneuver in record.declared} == {"roll"}
+    truth = rig.TRUTH if whole else rig.ATTITUDE
+    swept = list(dict.fromkeys(part.motor for part in plan.inputs)) if plan is not None else list(SWEPT)
     return Simulation(
         vehicle=FlownVehicle(name=RIG, description=known.summary, source=known.source, autopilot="simple"),
         logs=(
@@ -412,9 +421,9 @@ def rig_simulation(record: FlightRecord, path: Path, *, seed: int, command: Sequ
         ),
         maneuvers=tuple(LoggedManeuver(record=path.name, **asdict(maneuver)) for maneuver in record.declared),
         truth={
-            parameter.name: TrueValue(value=rig.TRUTH[parameter.name], unit=parameter.unit)
-            for parameter in library_model("rig.roll").parameters
-            if parameter.name in rig.TRUTH
+            parameter.name: TrueValue(value=truth[parameter.name], unit=parameter.unit)
+            for parameter in library_model("rig.roll" if whole else "rig.attitude").parameters
+            if parameter.name in truth
         },
-        provenance=Provenance(command=tuple(command), settings={"swept": list(SWEPT)}, seed=seed),
+        provenance=Provenance(command=tuple(command), settings={"swept": swept}, seed=seed),
     )

@@ -117,7 +117,7 @@ def require_same_unit(structure: LinearStructure, record: FlightRecord) -> None:
         They are.
     """
     logged = logged_unit(structure, [record])
-    own = input_unit(structure) or (_unmarked(structure) if family_of(structure).needs == "single motors" else "")
+    own = identified_unit(structure)
     if logged and own and logged != own:
         raise UsageError(
             f"the motors of {record.source.name} are in {logged}, and {structure.name} is of motors in {own}",
@@ -126,8 +126,19 @@ def require_same_unit(structure: LinearStructure, record: FlightRecord) -> None:
         )
 
 
-def _unmarked(structure: LinearStructure) -> str:
-    """Speeds or shares, which show in whether radians are in a gain of force."""
+def identified_unit(structure: LinearStructure) -> str:
+    """Unit of the motors that a result was identified from; empty where a model of one's own does not show it.
+
+    Speeds and shares of full output show in whether radians are below a gain of force.
+
+    Examples
+    --------
+    >>> from rotorid.models.library import library_model
+    >>> identified_unit(library_model("rig.roll")), identified_unit(library_model("axis.roll"))
+    ('V', '')
+    """
+    if (marked := input_unit(structure)) or family_of(structure).needs != "single motors":
+        return marked
     return "rad/s" if any("rad" in _factors(p.unit)[1] for p in structure.parameters) else "1"
 
 

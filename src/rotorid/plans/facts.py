@@ -177,6 +177,8 @@ def column_name(planned: PlannedInput) -> str:
     ...                          amplitude=0.1, entry="rate_setpoint"))
     'roll_rate_setpoint'
     """
+    if planned.motor:
+        return planned.signal
     return f"{planned.axis}_{'excitation' if planned.entry == 'command' else planned.entry}"
 
 

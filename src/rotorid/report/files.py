@@ -20,7 +20,10 @@ from rotorid.io.folders import ResultKind, Target, making
 if TYPE_CHECKING:
     import numpy as np
 
+    from rotorid.data.flight_plan import FlightPlan
+    from rotorid.documents.bench import BenchDesignDocument
     from rotorid.documents.design import DesignDocument, SimulationDocument
+    from rotorid.flying.bench_designs import BenchDesign
     from rotorid.flying.designs import Designed
     from rotorid.flying.flown_models import FlownModel
     from rotorid.flying.settings import DesignSettings, SimulateSettings
@@ -496,16 +499,35 @@ def write_tuning_check(folder: Path, found: CheckedTuning, *, title: str) -> Non
     write_together(folder, {CHECK: tune_check_document(found), "report.html": render_check(found, title=title)})
 
 
-def write_rig_simulation(folder: Path, *, seed: int, command: Sequence[str]) -> SimulationDocument:
+def write_bench_design(folder: Path, design: BenchDesign, *, command: Sequence[str]) -> BenchDesignDocument:
+    """Write ``design.json``, ``plan.json``, samples and the card of a plan for a rig into a folder."""
+    from rotorid.documents.bench import bench_design_document
+    from rotorid.documents.design import plan_document
+    from rotorid.plans.csv import plan_csv
+    from rotorid.report.bench_card import bench_card
+
+    files: dict[str, Content] = {
+        "plan.json": plan_document(design.plan),
+        **plan_csv(design.plan),
+        **bench_card(design),
+    }
+    document = bench_design_document(design, files=sorted(files), command=command)
+    write_together(folder, {**files, "design.json": document})
+    return document
+
+
+def write_rig_simulation(
+    folder: Path, *, seed: int, command: Sequence[str], plan: FlightPlan | None = None
+) -> SimulationDocument:
     """Move the rig on its pivot, and write its log and ``simulation.json`` into a folder."""
     from rotorid.documents.design import simulation_document
     from rotorid.flying.simulation import LOG_NAME, move_rig, rig_simulation, write_rig
 
-    record = move_rig(seed)
+    record = move_rig(seed, plan)
     documents: list[SimulationDocument] = []
 
     def conclude(path: Path) -> None:
-        moved = rig_simulation(record, path.with_name(LOG_NAME), seed=seed, command=command)
+        moved = rig_simulation(record, path.with_name(LOG_NAME), seed=seed, command=command, plan=plan)
         documents.append(simulation_document(moved))
         write_atomically(path, to_json(documents[0]))
 

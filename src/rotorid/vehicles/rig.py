@@ -49,7 +49,7 @@ MOTORS = ("motor_1", "motor_2", "motor_3", "motor_4")
 SAMPLE_RATE_HZ = 100.0
 DURATION_S = 120.0
 BAND_RAD_S = (0.3, 12.0)
-_SWEEP_V = 0.6
+SWEEP_V = 0.6
 # Volts for angles and rates: roll and pitch turn with 1 rad/s and a half, yaw with half of it.
 _FEEDBACK = np.array(
     [
@@ -115,19 +115,58 @@ def fly(
     """
     test_inputs = np.zeros((len(MOTORS), round(DURATION_S * STEP_RATE_HZ)))
     for row, direction in zip((MOTORS.index(name) for name in motors), (1, -1), strict=False):
-        test_inputs[row] = _sweep(rng)[::direction]
+        test_inputs[row] = sweep(rng)[::direction]
+    return move(test_inputs, rng, noise=noise, system=system)
+
+
+def move(
+    test_inputs: FloatArray,
+    rng: np.random.Generator,
+    *,
+    noise: float = 0.05,
+    system: StateSpace | None = None,
+    stiffness: float = 1.0,
+    unit: str = "V",
+    band_rad_s: tuple[float, float] = BAND_RAD_S,
+) -> FlightRecord:
+    """Log of the rig, at 100 Hz, with test inputs of one's own.
+
+    Parameters
+    ----------
+    test_inputs
+        What the loop adds to each motor, shape ``(4, steps)`` at 1 kHz.
+    rng, noise, system
+        As for :func:`fly`.
+    stiffness
+        Gains of the loop over its own, for a rig that answers otherwise.
+    unit
+        Of the motors.
+    band_rad_s
+        What the test inputs excite.
+    """
     system = system or attitude()
-    quiet = _flight(system, test_inputs, np.zeros(3), rng).columns
+
+    def flown(noise_rad: FloatArray) -> Flight:
+        return _flight(system, test_inputs, noise_rad, rng, stiffness=stiffness, band_rad_s=band_rad_s)
+
+    quiet = flown(np.zeros(3)).columns
     tilt, heading = max(np.std(quiet["phi"]), np.std(quiet["theta"])), np.std(quiet["psi"])
-    units = {name: "V" for motor in MOTORS for name in (motor, excitation_of(motor))}
-    return as_record(_flight(system, test_inputs, noise * np.array([tilt, tilt, heading]), rng), units)
+    units = {name: unit for motor in MOTORS for name in (motor, excitation_of(motor))}
+    return as_record(flown(noise * np.array([tilt, tilt, heading])), units)
 
 
-def _sweep(rng: np.random.Generator) -> FloatArray:
+def sweep(
+    rng: np.random.Generator,
+    *,
+    amplitude: float = SWEEP_V,
+    band_rad_s: tuple[float, float] = BAND_RAD_S,
+    duration_s: float = DURATION_S,
+) -> FloatArray:
+    """Sweep of one motor at 1 kHz, upward in frequency, shape ``(steps,)``."""
     return pilot_sweep(
-        amplitude=_SWEEP_V,
-        band_rad_s=BAND_RAD_S,
-        duration_s=DURATION_S,
+        amplitude=amplitude,
+        band_rad_s=band_rad_s,
+        duration_s=duration_s,
         sample_rate_hz=STEP_RATE_HZ,
         slow_cycles=2.0,
         fade_s=0.5,
@@ -137,13 +176,21 @@ def _sweep(rng: np.random.Generator) -> FloatArray:
     )
 
 
-def _flight(system: StateSpace, test_inputs: FloatArray, noise_rad: FloatArray, rng: np.random.Generator) -> Flight:
+def _flight(
+    system: StateSpace,
+    test_inputs: FloatArray,
+    noise_rad: FloatArray,
+    rng: np.random.Generator,
+    *,
+    stiffness: float,
+    band_rad_s: tuple[float, float],
+) -> Flight:
     loop = LinearLoop(
         name="rig",
         system=system,
         inputs=MOTORS,
         outputs=("phi", "theta", "psi", "p", "q", "r"),
-        error=_FEEDBACK,
+        error=stiffness * _FEEDBACK,
         proportional=(1.0,) * len(MOTORS),
         integral=(0.0,) * len(MOTORS),
         noise_std=(*noise_rad.tolist(), _GYRO_RAD_S, _GYRO_RAD_S, _GYRO_RAD_S),
@@ -152,8 +199,8 @@ def _flight(system: StateSpace, test_inputs: FloatArray, noise_rad: FloatArray, 
         axis="roll" if test_inputs[2:].any() else "pitch",
         kind="sweep",
         start_s=0.0,
-        stop_s=DURATION_S,
-        band_rad_s=BAND_RAD_S,
+        stop_s=test_inputs.shape[1] / STEP_RATE_HZ,
+        band_rad_s=band_rad_s,
         origin="declared",
     )
     return fly_linear(loop, test_inputs, sample_rate_hz=SAMPLE_RATE_HZ, maneuvers=[whole], rng=rng)

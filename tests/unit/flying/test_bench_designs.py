@@ -1,0 +1,111 @@
+"""Sweeps for a rig: within the angle that was stated, independent of each other, and as exact as was foretold."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rotorid
+from rotorid.cli.app import app
+from rotorid.errors import UsageError
+from rotorid.flying.bench_designs import BenchSettings, design_bench, flown_on_rig
+from rotorid.models.input_units import in_logged_units
+from rotorid.models.library import library_model
+from rotorid.planning.prior import Prior
+from rotorid.vehicles import rig
+
+LIMIT_RAD = math.radians(6.0)
+
+
+@pytest.fixture(scope="module")
+def settings() -> BenchSettings:
+    return BenchSettings(limit_rad=LIMIT_RAD, duration_s=80.0)
+
+
+def test_the_angle_stays_within_the_limit(settings: BenchSettings) -> None:
+    found = design_bench(settings)
+    assert 0.7 * LIMIT_RAD < found.reached_rad < LIMIT_RAD
+    unseen = flown_on_rig(found.plan, seed=99, noise=0.0)
+    assert np.abs(unseen["phi"].values).max() < LIMIT_RAD
+    first, second = found.plan.inputs
+    assert [(part.motor, part.unit, part.start_s) for part in found.plan.inputs] == [
+        ("motor_3", "V", 4.0),
+        ("motor_4", "V", 4.0),
+    ]
+    # Two motors that move alike show no delay of their own.
+    assert abs(np.corrcoef(first.values, second.values)[0, 1]) < 0.2
+    assert not found.findings
+
+
+def test_a_log_of_the_plan_gives_the_truth_with_the_errors_that_were_foretold(settings: BenchSettings) -> None:
+    found = design_bench(settings)
+    log = flown_on_rig(found.plan, seed=5)
+    model = rotorid.identify([log], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    assert found.model == "rig.roll"
+    for name, expected in found.expected.items():
+        parameter = model.parameters[name]
+        assert (expected.value, expected.unit) == (rig.TRUTH[name], parameter.unit)
+        assert 0.4 < expected.std / parameter.std < 2.5, name
+        assert abs(parameter.value - expected.value) < 3.0 * parameter.std, name
+
+
+def test_an_amplitude_by_hand_says_where_it_ends(settings: BenchSettings) -> None:
+    found = design_bench(
+        BenchSettings(limit_rad=LIMIT_RAD, duration_s=80.0, amplitudes={"roll": 0.6}, axes=settings.axes)
+    )
+    assert [finding.kind for finding in found.findings] == ["beyond_limits"]
+    assert found.reached_rad > LIMIT_RAD
+
+
+@pytest.mark.parametrize(("unit", "volt"), [("us", 80.0), ("rad/s", 70.0), ("1", 0.08)])
+def test_a_rig_of_ones_own_is_swept_in_its_own_unit(unit: str, volt: float) -> None:
+    from rotorid.data.record import Channel, FlightRecord, Source, Topic
+
+    topic = Topic(name="t", time_s=[0.0], channels=(Channel(name="motor_3", unit=unit),), values=np.zeros((1, 1)))
+    log = FlightRecord(source=Source(name="a.csv", format="CSV", sha256=""), topics=(topic,))
+    structure = in_logged_units(library_model("rig.roll"), [log])
+    prior = Prior(structure=structure, values={**rig.TRUTH, "K_f": rig.TRUTH["K_f"] / volt}, source="own")
+    own = design_bench(BenchSettings(limit_rad=LIMIT_RAD, duration_s=40.0, band_rad_s=(0.5, 12.0), prior=prior))
+    usual = design_bench(BenchSettings(limit_rad=LIMIT_RAD, duration_s=40.0, band_rad_s=(0.5, 12.0)))
+    assert {part.unit for part in own.plan.inputs} == {unit}
+    assert own.plan.inputs[0].amplitude == pytest.approx(volt * usual.plan.inputs[0].amplitude, rel=0.1)
+    with pytest.raises(UsageError, match=f"drives motor_3_excitation in {unit}; expected single motors in V"):
+        flown_on_rig(own.plan, seed=0)
+
+
+def test_what_no_rig_can_do_is_refused() -> None:
+    with pytest.raises(UsageError, match="yaw has no pair of motors"):
+        BenchSettings(axes=("yaw",))
+    with pytest.raises(UsageError, match=r"periods of 0\.3 rad/s"):
+        BenchSettings(duration_s=10.0)
+
+
+def run(*words: str) -> int:
+    return int(app(list(words), standalone_mode=False) or 0)
+
+
+def test_the_command_writes_plan_card_and_a_flight_of_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = tmp_path / "plan"
+    words = ("--limit", "tilt=6", "--duration", "40", "--band", "0.5:12", "--out", str(plan))
+    run("design", "sweep", "--vehicle", "rig", *words)
+    said = capsys.readouterr().out
+    assert "Predicted angle: ± " in said
+    document = json.loads((plan / "design.json").read_text(encoding="utf-8"))
+    assert document["schema"] == "rotorid.design-bench/1"
+    assert document["reached_rad"] < document["limit_rad"] == pytest.approx(LIMIT_RAD)
+    assert [sweep["unit"] for sweep in document["sweeps"]] == ["V", "V"]
+    card = (plan / "bench-card.html").read_text(encoding="utf-8")
+    assert "± 6°" in card
+    assert "motor_3" in card
+    header = (plan / "plan.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert header == "time [s],motor_3_excitation [V],motor_4_excitation [V]"
+    run("simulate", "rig", "--plan", str(plan / "plan.json"), "--out", str(tmp_path / "flown"))
+    flown = rotorid.read(tmp_path / "flown" / "flight.csv")
+    assert flown["motor_3_excitation"].unit == "V"
+    assert flown.stop_s == pytest.approx(48.0, abs=0.1)
+    with pytest.raises(UsageError, match="--doublets cannot be used for a rig"):
+        run("design", "sweep", "--vehicle", "rig", "--doublets", "--out", str(plan))
