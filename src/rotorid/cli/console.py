@@ -348,7 +348,10 @@ class _Status(logging.Handler):
         self._begun: dict[tuple[str, int], tuple[float, float, float]] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show a message; a lost interrupt is raised here."""
+        """Show a message; a lost interrupt is raised here, unless the work has understood it."""
+        if getattr(record, "understood", False):
+            _asked.clear()
+            say(f"{_NAME} {record.getMessage()}; Ctrl-C again ends the command")
         check()
         done, total = getattr(record, "done", None), getattr(record, "total", None)
         share = min(done / total, 1.0) if done is not None and total else None

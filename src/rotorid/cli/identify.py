@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rotorid.models.nonlinear import NonlinearStructure
     from rotorid.models.structure import LinearStructure
     from rotorid.results.model import IdentifiedModel
-    from rotorid.results.summary import ParameterEstimate, SearchRuns
+    from rotorid.results.summary import NoiseRuns, ParameterEstimate, SearchRuns
 
 
 def identify_command(
@@ -44,7 +44,7 @@ def identify_command(
     from rotorid.report.files import write_results
     from rotorid.report.publication import of_model
 
-    kind = parse_kind(asked.cross_validate)
+    kind, settings = parse_kind(asked.cross_validate), _with_workers(settings)
     if len(asked.models) > 1 or asks_all(asked.models):
         _identify_several(logs, asked, settings=settings, map=map, output=output, paper=paper)
         return
@@ -57,7 +57,8 @@ def identify_command(
         if kind is None or isinstance(wanted, NonlinearStructure):
             return result
         # Folds are scored, and need no spread.
-        return cross_validated(result, records, wanted, kind=kind, settings=replace(settings, bootstrap=None))
+        plain = replace(settings, bootstrap=None, add_noise_percent=None, runs=None)
+        return cross_validated(result, records, wanted, kind=kind, settings=plain)
 
     title = f"{name} from {', '.join(log.name for log in logs)}"
     carry_out(
@@ -74,6 +75,14 @@ def identify_command(
         paper=paper,
         publication=of_model,
     )
+
+
+def _with_workers(settings: IdentifySettings) -> IdentifySettings:
+    """A process for each core, where many runs were asked for and no number of processes."""
+    from rotorid.io.pool import cores
+
+    many = settings.runs is not None or settings.add_noise_percent is not None
+    return replace(settings, workers=cores()) if many and settings.workers is None else settings
 
 
 def _wanted(asked: ModelSettings, settings: IdentifySettings) -> str | LinearStructure | NonlinearStructure:
@@ -432,10 +441,21 @@ def _repeated(document: ResultDocument) -> Iterator[str]:
         yield f"by {search.name} alone, without local searches: {values}, at a cost of {search.alone.cost:.5g}"
     if search is not None and (runs := search.runs) is not None:
         yield from _runs(runs)
+    if (noisy := document.noise_runs) is not None:
+        yield from _noise_lines(noisy)
     if (again := document.bootstrap) is not None:
         left = sum(again.left_out.values())
         without = f", {left} without an answer" if left else ""
         yield f"bootstrap: standard deviations of {again.runs} refits with new noise{without}"
+
+
+def _noise_lines(noisy: NoiseRuns) -> Iterator[str]:
+    """Runs with artificial noise: mean, standard deviation and bias, next to the stated error."""
+    yield f"{noisy.words}: mean ± standard deviation, bias (stated error of the log as it is)"
+    for name, spread in noisy.parameters.items():
+        stated = "" if spread.stated_std is None else f" (± {significant(spread.stated_std, digits=2)})"
+        bias = with_error(spread.bias, spread.bias_std)
+        yield f"  {name:<15} {with_error(spread.mean, spread.std)} {spread.unit}, bias {bias}{stated}"
 
 
 def _runs(runs: SearchRuns) -> Iterator[str]:

@@ -275,6 +275,14 @@ KINDS: Mapping[str, Kind] = {
     "bootstrap_incomplete": Kind(
         "warning", "Bootstrap incomplete", "More than 5 % of the bootstrap runs failed, so the spread is too small."
     ),
+    "noise_bias": Kind(
+        "warning",
+        "Noise biases a parameter",
+        "Artificial noise moves this parameter by more than its stated error and by more than chance.",
+    ),
+    "noise_runs_incomplete": Kind(
+        "warning", "Runs with noise incomplete", "Runs with artificial noise gave no model, or were stopped."
+    ),
     "both_ways_disagree": Kind(
         "warning",
         "Regressions disagree",

@@ -44,6 +44,7 @@ from rotorid.results.summary import (
     MethodName,
     Minimum,
     MotorPhysics,
+    NoiseRuns,
     OrderChoice,
     ParameterEstimate,
     PoleEstimate,
@@ -109,6 +110,7 @@ class ResultDocument(Document):
     minima: list[Minimum] = Field(default_factory=list)
     search: SearchSummary | None = None
     bootstrap: BootstrapSummary | None = None
+    noise_runs: NoiseRuns | None = None
     equations: list[EquationFit] = Field(default_factory=list)
     frequency_fit: dict[str, Compared] | None = None
     reduction: list[ReductionStep] = Field(default_factory=list)
@@ -156,6 +158,7 @@ def result_document(model: IdentifiedModel) -> ResultDocument:
         minima=list(fit.minima),
         search=fit.search,
         bootstrap=fit.bootstrap,
+        noise_runs=fit.noise_runs,
         equations=list(fit.equations),
         frequency_fit=_plain(fit.frequency_fit),
         reduction=list(fit.reduction),

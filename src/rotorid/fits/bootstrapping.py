@@ -13,6 +13,7 @@ from rotorid.data.findings import Finding
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Problem
+from rotorid.io.pool import pool
 from rotorid.results.summary import BootstrapSummary, Correlation, Spread, finite
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.uncertainty.cramer_rao import Bounds, Weights
@@ -88,6 +89,11 @@ class Draws(Protocol):
         """Of the draws."""
         ...
 
+    @property
+    def workers(self) -> int | None:
+        """Processes that share them out, ``None`` for none."""
+        ...
+
 
 def bootstrap(
     problem: Problem, solution: Solution, bounds: Bounds, settings: Draws, *, weights: Weights = "cifer"
@@ -114,9 +120,16 @@ def bootstrap(
     from rotorid.uncertainty.bootstrapping import bootstrap as drawn_anew
     from rotorid.uncertainty.bootstrapping import judge_spread
 
-    table = drawn_anew(
-        problem, solution, runs=settings.bootstrap, seed=settings.seed, weights=weights, progress=_log_runs
-    )
+    with pool(settings.workers) as workers:
+        table = drawn_anew(
+            problem,
+            solution,
+            runs=settings.bootstrap,
+            seed=settings.seed,
+            weights=weights,
+            executor=workers.executor,
+            progress=_log_runs,
+        )
     source: Source = "responses" if problem.method == "frequency" else "outputs"
     # A parameter on its bound may not scatter at all.
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -15,6 +15,7 @@ from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.least_squares import same_cost
 from rotorid.fitting.problem import Problem
+from rotorid.io.pool import pool
 from rotorid.models.parameter import ParameterSet
 from rotorid.results.summary import (
     Cluster,
@@ -144,14 +145,16 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
     runs = None
     if settings.runs is not None:
         free = problem.parameters.free
-        runs = spread_over_starts(
-            _OfParameters(Repeated(chosen, shorter, budget), len(free)),
-            names=free,
-            units=[problem.parameters[parameter].unit for parameter in free],
-            runs=settings.runs,
-            seed=settings.seed,
-            progress=_counted,
-        )
+        with pool(settings.workers) as workers:
+            runs = spread_over_starts(
+                workers.shared(_OfParameters(Repeated(chosen, shorter, budget), len(free))),
+                names=free,
+                units=[problem.parameters[parameter].unit for parameter in free],
+                runs=settings.runs,
+                seed=settings.seed,
+                executor=workers.executor,
+                progress=_counted,
+            )
     return Searched(
         name=name,
         cost=problem.method,

@@ -46,6 +46,7 @@ from rotorid.fleets.work import Task
 from rotorid.io.files import sha256_of
 from rotorid.io.folders import scratch_folder
 from rotorid.io.log_order import time_of
+from rotorid.io.pool import cores
 from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
 
@@ -102,8 +103,7 @@ class Fleet:
     def engine(self) -> Engine:
         """The engine of the run."""
         if self._engine is None:
-            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-            self._engine = Processes(min(self.settings.workers or cores, len(self.places)), self._limits)
+            self._engine = Processes(min(self.settings.workers or cores(), len(self.places)), self._limits)
         return self._engine
 
     def __iter__(self) -> Iterator[LogAnswer]:

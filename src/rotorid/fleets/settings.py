@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from rotorid.errors import UsageError
-from rotorid.settings.option import Option, Settings, Text, Written
+from rotorid.settings.option import Option, Settings, Text, Written, require_workers
 from rotorid.settings.parsing import NAMES
 
 USUAL_MODELS = ("rate.roll", "rate.pitch", "rate.yaw")
@@ -104,8 +104,7 @@ class FleetSettings(Settings):
             raise UsageError(
                 "--workers and --scheduler exclude each other", remedy="leave out --workers: a cluster has its own"
             )
-        if self.workers is not None and not 1 <= self.workers <= 1024:
-            raise UsageError(f"--workers {self.workers} is out of range", needed="1 to 1024")
+        require_workers(self.workers)
         if not self.timeout_s > 0.0:
             raise UsageError(f"--timeout {self.timeout_s:g} is out of range", needed="more than 0 s")
         if self.memory_bytes < _LEAST_MEMORY_BYTES:

@@ -135,6 +135,9 @@ _OF_ROTORS = ("layout", "arm_m", "curve", "rotor_diameter_m")
 _OF_FLIGHT = ("predictor",)
 """Choices of ``physical.flight`` alone."""
 
+_OF_RUNS = ("add_noise_percent", "workers")
+"""Choices of every model: how often it is identified, and by how many processes."""
+
 _ALL = tuple(item.name for item in fields(IdentifySettings))
 
 LINEAR = Fitting(
@@ -256,10 +259,16 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
         raise fitting.no_option.error(wrong=" and ".join(given), **words)
     if settings.method not in fitting.methods:
         raise fitting.no_method.error(wrong=settings.method, **words)
-    foreign = {name: option for name, option in options_given(settings).items() if name not in fitting.choices}
+    own = _choices(fitting, settings)
+    foreign = {name: option for name, option in options_given(settings).items() if name not in own}
     if wrong := [*foreign.values(), *(given if alike else ())]:
         raise fitting.no_choice.error(wrong=", ".join(wrong), others=_models_with(foreign), **words)
     fitting.check(read, settings)
+
+
+def _choices(fitting: Fitting, settings: IdentifySettings) -> tuple[str, ...]:
+    """Choices of a family in this run: noise can be added to the logs of any."""
+    return (*fitting.choices, *_OF_RUNS, *(("runs",) if settings.add_noise_percent is not None else ()))
 
 
 def _models_with(choices: Iterable[str]) -> str:
@@ -271,7 +280,7 @@ def _models_with(choices: Iterable[str]) -> str:
 def own_settings(model: Read, settings: IdentifySettings) -> IdentifySettings:
     """The settings without choices that a model does not have."""
     fitting, usual = fitting_of(model), IdentifySettings()
-    foreign = {name for name in _ALL if name not in fitting.choices}
+    foreign = {name for name in _ALL if name not in _choices(fitting, settings)}
     foreign |= {name for name, method in fitting.only_with.items() if settings.method != method}
     # Motors leave the methods of other models out; no other model leaves out theirs, which is refused.
     foreign |= {"method"} if settings.method in LINEAR.methods and settings.method not in fitting.methods else set()

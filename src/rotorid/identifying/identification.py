@@ -6,6 +6,7 @@ import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 from rotorid.data.findings import refusal, worst_first
@@ -16,8 +17,9 @@ from rotorid.flights.command_noise import command_densities
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.controllers import controllers_of
 from rotorid.flights.same_vehicle import require_one_vehicle
+from rotorid.identifying.artificial_noise import with_noise_runs
 from rotorid.identifying.derivation import derivation, derivation_findings
-from rotorid.identifying.families import logged_by_all, method_of
+from rotorid.identifying.families import logged_by_all, method_of, require_choices
 from rotorid.identifying.hover_physics import rotors_of_hover
 from rotorid.identifying.methods import Fitted, Method, Prepared
 from rotorid.identifying.motors import Motors
@@ -88,7 +90,13 @@ def identify(
     fitted = as_records(records)
     every = with_sensor_filters((*fitted, *as_records(verify)), chosen.filters)
     logs, unseen = every[: len(fitted)], every[len(fitted) :]
-    return identify_by(method_of(model, logs, chosen), logs, verify=unseen)
+    if chosen.add_noise_percent is None:
+        return identify_by(method_of(model, logs, chosen), logs, verify=unseen)
+    require_choices(model, chosen)
+    # The search of the log itself is one; the runs with noise repeat it.
+    plain = replace(chosen, add_noise_percent=None, runs=None)
+    found = identify_by(method_of(model, logs, plain), logs, verify=unseen)
+    return with_noise_runs(found, logs, chosen, partial(method_of, model))
 
 
 def identify_by(

@@ -193,6 +193,58 @@ def _cost_axis(costs: FloatArray) -> dict[str, Any]:
     return {"type": "log", "range": [low - room, high + room], "tickvals": numbers(ticks)}
 
 
+def noise_spread(draws: Mapping[str, FloatArray], *, values: Mapping[str, float], stds: Mapping[str, float]) -> Figure:
+    """Parameters of runs with artificial noise, in stated standard deviations from the value without noise.
+
+    Parameters
+    ----------
+    draws
+        Parameter to its value in every run ``(n,)``.
+    values, stds
+        What was identified without noise, with the stated standard deviation.
+
+    Raises
+    ------
+    UsageError
+        No parameter can be drawn.
+
+    Examples
+    --------
+    >>> figure = noise_spread({"L_p": np.array([-2.0, -1.8])}, values={"L_p": -2.0}, stds={"L_p": 0.1})
+    >>> [trace["name"] for trace in figure["data"]]
+    ['runs', 'mean ± standard deviation']
+    """
+    if not draws:
+        raise UsageError("there is no parameter with a stated error", needed="at least one")
+    names = list(draws)
+    off = [(np.asarray(draws[name]) - values[name]) / stds[name] for name in names]
+    # Rows from the top, as those of the table.
+    runs: Trace = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(np.concatenate(off)),
+        "y": [-row for row, values in enumerate(off) for _ in values],
+        "marker": {"color": MEASURED, "size": 5, "opacity": 0.5},
+        "name": "runs",
+        "hovertemplate": "%{x:.3~g} stated std",
+        "showlegend": True,
+    }
+    means: Trace = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": numbers(np.array([row.mean() for row in off])),
+        "y": [-row for row in range(len(names))],
+        "error_x": {"type": "data", "array": numbers(np.array([row.std(ddof=1) for row in off])), "color": MODEL},
+        "marker": {"color": MODEL, "size": 8},
+        "name": "mean ± standard deviation",
+        "hovertemplate": "mean %{x:.3~g} stated std",
+        "showlegend": True,
+    }
+    axis = {"tickvals": [-row for row in range(len(names))], "ticktext": [text(name) for name in names]}
+    panel = Panel(label="", traces=(runs, means), height_px=60 + 26 * len(names), axis=axis)
+    return stacked([panel], x_axis={"title": {"text": "Deviation from the value without noise [stated std]"}})
+
+
 _BINS = 31
 _BARS_PX = 84
 _WIDEST = 2.0

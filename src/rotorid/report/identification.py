@@ -13,7 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.data.display import counted, listed
-from rotorid.data.quantity import MISSING, error_columns, milliseconds, minus, percent, significant, unit, with_interval
+from rotorid.data.quantity import (
+    MISSING,
+    error_columns,
+    milliseconds,
+    minus,
+    percent,
+    significant,
+    unit,
+    with_error,
+    with_interval,
+)
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
@@ -22,7 +32,7 @@ from rotorid.models.library import SPIN_UP
 from rotorid.plot.curves import Frequency, View
 from rotorid.plot.figure import Figure, quantity
 from rotorid.plot.loops import correlation_map
-from rotorid.plot.search import clusters, convergence, run_histogram
+from rotorid.plot.search import clusters, convergence, noise_spread, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
 from rotorid.report.flight import FlightShown, flight_shown
 from rotorid.report.frame import Picture, drawn, over_frequency, render
@@ -70,6 +80,8 @@ from rotorid.results.summary import (
     BootstrapSummary,
     Correlation,
     DelayBudget,
+    NoiseRuns,
+    NoiseSpread,
     ReductionStep,
     RunSpread,
     SearchRuns,
@@ -330,6 +342,70 @@ def _bootstrap_words(again: BootstrapSummary) -> str:
     left = sum(again.left_out.values())
     without = f" {left} did not converge and {'is' if left == 1 else 'are'} not counted." if left else ""
     return f"{again.runs} refits, each to newly drawn {_SOURCES[again.source]}.{without}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NoiseLine:
+    """A parameter over runs with artificial noise; ``bias`` is marked where it is more than chance."""
+
+    name: str
+    unit: str
+    value: str
+    stated: str
+    mean: str
+    std: str
+    bias: Cell
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NoiseShown:
+    """Runs with artificial noise on the page."""
+
+    words: str
+    rows: tuple[NoiseLine, ...]
+    picture: Picture | None
+
+
+def noise_shown(document: ResultDocument, *, key: str) -> NoiseShown | None:
+    """What to show of runs with artificial noise; nothing where none were made."""
+    if (runs := document.noise_runs) is None:
+        return None
+    biased = {finding.where for finding in document.findings if finding.kind == "noise_bias"}
+    return NoiseShown(
+        words=f"{runs.words} about its mean, each identified from the log on.",
+        rows=tuple(_noise_line(name, spread, name in biased) for name, spread in runs.parameters.items()),
+        picture=_noise_picture(runs, key),
+    )
+
+
+def _noise_line(name: str, spread: NoiseSpread, biased: bool) -> NoiseLine:
+    value, stated = error_columns(spread.value, spread.stated_std)
+    mean, std = error_columns(spread.mean, spread.std)
+    return NoiseLine(
+        name=name,
+        unit=unit(spread.unit),
+        value=value,
+        stated=stated,
+        mean=mean,
+        std=std,
+        bias=Cell(with_error(spread.bias, spread.bias_std), biased),
+    )
+
+
+def _noise_picture(runs: NoiseRuns, key: str) -> Picture | None:
+    shown = {name: spread for name, spread in runs.parameters.items() if spread.stated_std}
+    if not shown:
+        return None
+    return Picture(
+        key=key,
+        description=f"{runs.words}: each run, in stated standard deviations from the value without noise",
+        figure=drawn(
+            noise_spread,
+            {name: np.array([value for value in runs.draws[name] if value is not None]) for name in shown},
+            values={name: spread.value for name, spread in shown.items()},
+            stds={name: spread.stated_std or 1.0 for name, spread in shown.items()},
+        ),
+    )
 
 
 _MOST_ROWS = 12
@@ -638,6 +714,7 @@ class Section:
     crossed: Crossed | None = None
     search: SearchShown | None = None
     bootstrap: BootstrapShown | None = None
+    noise: NoiseShown | None = None
     motors: MotorsShown | None = None
     air: FlightShown | None = None
     derived: DerivedShown | None = None
@@ -655,7 +732,8 @@ class Section:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures of the section."""
-        single = (*(self.search.pictures if self.search else ()), self.poles_picture, self.correlation)
+        noise = self.noise.picture if self.noise else None
+        single = (*(self.search.pictures if self.search else ()), noise, self.poles_picture, self.correlation)
         return (
             *(self.motors.pictures if self.motors else ()),
             *(self.air.pictures if self.air else ()),
@@ -739,6 +817,7 @@ def section(
         crossed=crossed(document.cross_validation),
         search=search_shown(document.search, key=f"{anchor}-search-cost"),
         bootstrap=bootstrap_shown(document),
+        noise=noise_shown(document, key=f"{anchor}-noise-runs"),
         timelines=timelines(
             () if shown.data.simulated else shown.data.segments,
             document.provenance.maneuvers,

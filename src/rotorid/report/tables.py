@@ -273,6 +273,7 @@ def result_tables(document: ResultDocument) -> tuple[Table, ...]:
         _delays(document),
         *_matrices(document),
         _bootstrap(document),
+        _noise_runs(document),
         _search_runs(document),
         _folds(document),
         *(motor_tables(document.motors) if document.motors else ()),
@@ -606,6 +607,33 @@ def _bootstrap(document: ResultDocument) -> Table | None:
         ),
         symbols=("parameter",),
         errors={"mean": "std"},
+    )
+
+
+def _noise_runs(document: ResultDocument) -> Table | None:
+    """Mean and deviation over runs with artificial noise, next to the stated errors."""
+    if document.noise_runs is None:
+        return None
+    return Table(
+        name="noise_runs",
+        caption=f"Parameters over {document.noise_runs.words}.",
+        columns=(
+            Column("parameter", "Parameter"),
+            Column("unit", "Unit"),
+            Column("value", "Value"),
+            Column("stated_std", "Stated std", _two),
+            Column("mean", "Mean"),
+            Column("std", "Std", _two),
+            Column("bias", "Bias"),
+            Column("bias_std", "Std of the bias", _two),
+            Column("runs", "Runs", _whole),
+        ),
+        rows=tuple(
+            (name, s.unit, s.value, s.stated_std, s.mean, s.std, s.bias, s.bias_std, s.runs)
+            for name, s in document.noise_runs.parameters.items()
+        ),
+        symbols=("parameter",),
+        errors={"value": "stated_std", "mean": "std", "bias": "bias_std"},
     )
 
 

@@ -874,6 +874,74 @@ class BootstrapSummary:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class NoisyChannel:
+    """A channel with artificial noise: its rms about the mean over the maneuvers, and the noise that was added."""
+
+    rms: float
+    noise_std: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FailedRun:
+    """A run that gave no model: its number, from one, and why."""
+
+    run: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NoiseSpread:
+    """A parameter over runs with artificial noise, next to its value and stated errors without it.
+
+    ``bias`` is the mean less ``value``, ``bias_std`` its standard deviation by chance. ``stated_std_in_runs`` is the
+    rms of the random standard deviations that the runs state themselves.
+    """
+
+    value: float
+    unit: str
+    stated_std: float | None
+    stated_std_random: float | None
+    mean: float
+    std: float
+    bias: float
+    bias_std: float
+    min: float
+    max: float
+    runs: int
+    stated_std_in_runs: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NoiseRuns:
+    """Identifications with artificial noise of ``percent`` of the rms of each sensor.
+
+    ``runs`` of the ``asked`` ones gave a model; ``numbers`` are theirs, in the order of ``draws``. ``alone`` is what a
+    search gave before any local search, ``cost`` CIFER's average cost and ``fit_percent`` that of the outputs.
+    """
+
+    percent: float
+    runs: int
+    asked: int
+    seed: int
+    stopped: bool
+    failed: tuple[FailedRun, ...]
+    channels: Mapping[str, NoisyChannel]
+    parameters: Mapping[str, NoiseSpread]
+    alone: Mapping[str, RunSpread] = field(default_factory=dict)
+    cost: RunSpread | None = None
+    fit_percent: Mapping[str, RunSpread] = field(default_factory=dict)
+    numbers: tuple[int, ...] = ()
+    draws: Mapping[str, tuple[float | None, ...]] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """How many runs there were with how much noise."""
+        missing = f" of {self.asked}" if self.runs < self.asked else ""
+        return f"{self.runs}{missing} runs with noise of {self.percent:g} % of the rms of each sensor"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class EquationFit:
     """Fit of an equation of motion: ``q'`` for the derivative of a state, an output by its name.
 
@@ -1007,6 +1075,8 @@ class Fit:
         How the model was reduced, step by step.
     orders
         How the order of a black box was chosen, where it was.
+    noise_runs
+        Runs with artificial noise.
     """
 
     method: MethodName
@@ -1024,6 +1094,7 @@ class Fit:
     minima: tuple[Minimum, ...] = ()
     search: SearchSummary | None = None
     bootstrap: BootstrapSummary | None = None
+    noise_runs: NoiseRuns | None = None
     equations: tuple[EquationFit, ...] = ()
     frequency_fit: Mapping[str, Compared] | None = None
     reduction: tuple[ReductionStep, ...] = ()

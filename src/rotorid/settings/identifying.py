@@ -11,7 +11,7 @@ from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.settings.measuring import MeasureSettings, SensorFilters
 from rotorid.settings.models import models_known
-from rotorid.settings.option import Option, Written, as_names
+from rotorid.settings.option import Option, Written, as_names, require_workers
 from rotorid.settings.parsing import (
     CONSTANTS,
     FIXED,
@@ -41,7 +41,11 @@ HoldChoice: TypeAlias = Literal["auto", "zero", "first"]
 EVALUATIONS = 2000
 """Budget of a search unless another is asked for."""
 
+NOISE_RUNS = 20
+"""Runs with artificial noise unless another number is asked for."""
+
 _FEWEST_RUNS = 2
+_MOST_NOISE_PERCENT = 1000.0
 
 
 def require_search(search: str | None, evaluations: int | None, starts: str, runs: int | None = None) -> None:
@@ -67,10 +71,11 @@ def require_search(search: str | None, evaluations: int | None, starts: str, run
         if evaluations is not None:
             raise UsageError("--evaluations needs a search", remedy="add --search NAME")
         if runs is not None:
-            raise UsageError("--runs needs a search", remedy="add --search NAME, such as genetic:15x50")
+            raise UsageError(
+                "--runs needs a search or noise", remedy="add --search NAME, such as genetic:15x50, or --add-noise 5"
+            )
         return
-    if runs is not None and runs < _FEWEST_RUNS:
-        raise UsageError(f"--runs {runs} is too few", needed="2 or more, and some hundred for a table")
+    _require_enough(runs)
     if starts != "default":
         raise UsageError("--search and --starts exclude each other", remedy="use one of them")
     if evaluations is not None and evaluations < 1:
@@ -78,6 +83,11 @@ def require_search(search: str | None, evaluations: int | None, starts: str, run
     from rotorid.search.catalog import search as known
 
     known(search)
+
+
+def _require_enough(runs: int | None) -> None:
+    if runs is not None and runs < _FEWEST_RUNS:
+        raise UsageError(f"--runs {runs} is too few", needed="2 or more, and some hundred for a table")
 
 
 def require_runs(runs: int | None) -> None:
@@ -152,7 +162,12 @@ class IdentifySettings(MeasureSettings):
     evaluations
         Its budget; by default 2000.
     runs
-        How often the search is repeated with other seeds, to see how much its results scatter.
+        How often the search is repeated with other seeds, to see how much its results scatter; with
+        ``add_noise_percent`` how often noise is added.
+    add_noise_percent
+        Artificial noise on the sensors, in percent of the rms of each about its mean; each run identifies anew.
+    workers
+        Processes that share out runs and bootstraps; ``None`` for none. The answer does not depend on their number.
     bootstrap
         Number of refits with new noise, for standard deviations next to the stated ones.
     layout, arm_m, curve, rotor_diameter_m
@@ -265,8 +280,27 @@ class IdentifySettings(MeasureSettings):
     ] = None
     runs: Annotated[
         int | None,
-        Option("--runs", "Repeat --search with so many seeds and compare the results.", "Fit"),
+        Option(
+            "--runs",
+            f"Repeat --search from so many seeds, or --add-noise so often. [default with --add-noise: {NOISE_RUNS}]",
+            "Fit",
+        ),
         Written("given"),
+    ] = None
+    add_noise_percent: Annotated[
+        float | None,
+        Option(
+            "--add-noise",
+            "Identify again with noise on all sensors, in percent of the rms of each; see --runs.",
+            "Fit",
+            metavar="PERCENT",
+        ),
+        Written("given"),
+    ] = None
+    workers: Annotated[
+        int | None,
+        Option("--workers", "Processes for --runs and --bootstrap. [default: one per core for --runs]", "Fit"),
+        Written("never"),
     ] = None
     bootstrap: Annotated[
         int | None,
@@ -337,8 +371,14 @@ class IdentifySettings(MeasureSettings):
             raise UsageError(f"--pieces {self.pieces_s:g} is not a length", needed="more than 0 s")
         if not _STARTS.fullmatch(self.starts):
             raise UsageError(f"unknown --starts {self.starts!r}", needed="default, central, sobol:N or random:N")
-        require_search(self.search, self.evaluations, self.starts, self.runs)
+        noise = self.add_noise_percent
+        if noise is not None and not 0.0 < noise <= _MOST_NOISE_PERCENT:
+            raise UsageError(f"--add-noise {noise:g} is out of range", needed="percent above 0, such as 5")
+        if noise is not None:
+            _require_enough(self.runs)
+        require_search(self.search, self.evaluations, self.starts, None if noise is not None else self.runs)
         require_runs(self.bootstrap)
+        require_workers(self.workers)
 
 
 @dataclass(frozen=True, kw_only=True)

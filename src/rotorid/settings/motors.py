@@ -93,6 +93,7 @@ class MotorSettings(Settings):
     search: Annotated[str | None, Written("given")] = None
     evaluations: Annotated[int | None, Written("given")] = None
     runs: Annotated[int | None, Written("given")] = None
+    workers: Annotated[int | None, Written("never")] = None
     method: Annotated[MotorMethod, Written("given")] = "prediction_error"
     outputs: Annotated[tuple[str, ...], Written("given")] = ()
     predictor: Annotated[bool, Written("given")] = False
@@ -143,7 +144,9 @@ def motor_settings(settings: IdentifySettings) -> MotorSettings:
         bootstrap=settings.bootstrap,
         search=settings.search,
         evaluations=settings.evaluations,
-        runs=settings.runs,
+        # Runs with noise repeat the whole identification, not its search.
+        runs=None if settings.add_noise_percent is not None else settings.runs,
+        workers=settings.workers,
         method="accelerations" if settings.method == "accelerations" else "prediction_error",
         outputs=settings.outputs,
         predictor=settings.predictor,

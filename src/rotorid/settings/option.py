@@ -248,6 +248,21 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
     return (names,) if isinstance(names, str) else tuple(names)
 
 
+MOST_WORKERS = 1024
+
+
+def require_workers(workers: int | None) -> None:
+    """Raise for a number of processes that cannot be.
+
+    Raises
+    ------
+    UsageError
+        There are none, or too many.
+    """
+    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+        raise UsageError(f"--workers {workers} is out of range", needed=f"1 to {MOST_WORKERS}")
+
+
 def require_seed(seed: int) -> None:
     """Raise for a seed that no generator takes.
 

@@ -23,10 +23,11 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "design track tune": "axis",
         "export": "delay-as-lag draws no-delay pade sample-rate to",
         "export vehicles": "name",
-        "fleet": "again memory resume review scheduler timeout vehicles workers",
+        "fleet": "again memory resume review scheduler timeout vehicles",
+        "identify fleet": "workers",
         "fleet review": "models",
-        "identify": "arm bootstrap constant cross-validate curve decoupled evaluations fix free known method pair "
-        "predictor reduce rotor-diameter search speed-damping starts tie verify",
+        "identify": "add-noise arm bootstrap constant cross-validate curve decoupled evaluations fix free known method "
+        "pair predictor reduce rotor-diameter search speed-damping starts tie verify",
         "identify compare": "hold",
         "identify design track": "model",
         "identify export": "layout",

@@ -8,9 +8,10 @@ A table shows how far the answers differ, parameter by parameter.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.display import counted
-from rotorid.errors import InsufficientDataError, RotoridError, UsageError
+from rotorid.errors import InsufficientDataError, UsageError, reason_of
 from rotorid.typing import FloatArray, IntArray
 
 LOW_PERCENT, HIGH_PERCENT = 2.5, 97.5
@@ -192,9 +193,14 @@ FEWEST_RECORDS = 5
 
 
 class LeftOut(NamedTuple):
-    """A failed run, with its reason in a sentence."""
+    """A run without an answer, with its reason in a sentence, and whether the user stopped the runs before it."""
 
     reason: str
+    stopped: bool = False
+
+
+_STOPPED = LeftOut("The runs were stopped before this one.", stopped=True)
+_LOST = LeftOut("The worker process of this run ended unexpectedly, for instance for lack of memory.")
 
 
 RefitMany: TypeAlias = Callable[[Sequence[np.random.Generator]], Sequence[FloatArray | LeftOut]]
@@ -407,8 +413,9 @@ class _InSequence(Generic[Value]):
     def _result_of(self, rng: np.random.Generator) -> Value | LeftOut:
         try:
             return self.work(rng)
-        except RotoridError as error:
-            return LeftOut(str(error))
+        # A fault costs its run alone, and is named there.
+        except Exception as error:
+            return LeftOut(str(reason_of(error, "this run")))
 
 
 @dataclass(frozen=True)
@@ -429,8 +436,30 @@ def _gathered(
         raise UsageError(counted(runs, "run"), needed="two or more, some hundred for percentiles")
     pieces = [range(first, min(first + size, runs)) for first in range(0, runs, size)]
     done: list[Value | LeftOut] = []
-    for piece, found in zip(pieces, (map if executor is None else executor.map)(chunk, pieces), strict=True):
-        done.extend(found)
+    try:
         if progress is not None:
-            progress(piece.stop, runs)
+            progress(0, runs)
+        for piece, found in zip(pieces, (map if executor is None else executor.map)(chunk, pieces), strict=True):
+            done.extend(found)
+            if progress is not None:
+                progress(piece.stop, runs)
+    except KeyboardInterrupt:
+        if _answers(done) < FEWEST_RUNS:
+            raise
+        _stopped(len(done), runs)
+        return [*done, *[_STOPPED] * (runs - len(done))]
+    except BrokenExecutor:
+        if _answers(done) < FEWEST_RUNS:
+            raise
+        return [*done, *[_LOST] * (runs - len(done))]
     return done
+
+
+def _answers(done: Sequence[object]) -> int:
+    return sum(not isinstance(run, LeftOut) for run in done)
+
+
+def _stopped(done: int, runs: int) -> None:
+    """Say that an interrupt was understood: what is done counts, and the work goes on with it."""
+    words = f"stopped after {done} of {runs} runs"
+    logging.getLogger("rotorid.progress").info(words, extra={"understood": True})

@@ -571,7 +571,11 @@ def _run_search(problem: MotorProblem, choices: MotorSettings) -> Searched | Non
     if choices.search is None:
         return None
     settings = IdentifySettings(
-        search=choices.search, evaluations=choices.evaluations, seed=choices.seed, runs=choices.runs
+        search=choices.search,
+        evaluations=choices.evaluations,
+        seed=choices.seed,
+        runs=choices.runs,
+        workers=choices.workers,
     )
     return searched(problem, settings)
 
