@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import INKS, default_folder, output_console, print_findings, print_lines, print_table
 from rotorid.cli.options import ForPaper, Logs, Map, Output
+from rotorid.data.display import listed
 from rotorid.data.quantity import error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
@@ -398,13 +399,25 @@ def _fit(document: ResultDocument) -> Iterator[str]:
 
 
 def _lines_by_record(document: ResultDocument) -> Iterator[str]:
-    """Parameters from each record alone, and their spread."""
-    for name in dict.fromkeys(name for fit in document.records for name in fit.parameters):
+    """Parameters from each record alone, and their spread; where a record has none, why."""
+    for name in dict.fromkeys(name for fit in document.records for name in (*fit.parameters, *fit.missing)):
         estimates = [fit.parameters[name] for fit in document.records if name in fit.parameters]
+        if len(estimates) == 1:
+            yield f"{name} from 1 record: {with_error(estimates[0].value, estimates[0].std, digits=3)}"
         if len(estimates) > 1:
             each = ", ".join(with_error(derived.value, derived.std, digits=3) for derived in estimates)
             mean, spread = fmean(derived.value for derived in estimates), stdev(derived.value for derived in estimates)
             yield f"{name} from each of {len(estimates)} records: mean {mean:.3g}, spread {spread:.2g} ({each})"
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for fit in document.records:
+        for name, reason in fit.missing.items():
+            reasons.setdefault(reason, {}).setdefault(name, []).append(f"{fit.start_s:.1f} s")
+    for reason, names in reasons.items():
+        alike = {
+            places: [n for n, own in names.items() if own == list(places)] for places in map(tuple, names.values())
+        }
+        parts = [f"{listed(of)} from the record at {listed(places)}" for places, of in alike.items()]
+        yield f"no value of {', nor of '.join(parts)} alone: {reason}"
 
 
 def _orders(document: ResultDocument) -> Iterator[str]:

@@ -58,6 +58,8 @@ class LogEstimate(Immutable):
         To its stated deviation, random and model errors together; what has none is not compared.
     random
         To its random deviation, where swings are to be compared.
+    missing
+        Parameter without a value of this log alone, to the reason.
     asked, moved
         How far inputs and outputs moved, as root mean squares that can be compared with those of others; zero where
         unknown.
@@ -67,11 +69,23 @@ class LogEstimate(Immutable):
     values: Mapping[str, float]
     stds: Mapping[str, float]
     random: Mapping[str, float] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
     asked: float = 0.0
     moved: float = 0.0
 
     def __post_init__(self) -> None:
-        self._set(values=self.values, stds=self.stds, random=self.random)
+        self._set(values=self.values, stds=self.stds, random=self.random, missing=self.missing)
+
+
+def name_of_stretch(record: str, start_s: float) -> str:
+    """What a stretch of a log is called in its estimate.
+
+    Examples
+    --------
+    >>> name_of_stretch("flight.csv", 66.04)
+    'flight.csv at 66.0 s'
+    """
+    return f"{record} at {start_s:.1f} s"
 
 
 @dataclass(frozen=True, kw_only=True)

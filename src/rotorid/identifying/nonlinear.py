@@ -29,16 +29,17 @@ from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fits.remarks import judge_combinations, judge_parameters
-from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, with_scatter
+from rotorid.fits.scatter import Disagreement, LogEstimate, disagreements, name_of_stretch, with_scatter
 from rotorid.fits.searching import Searched, judge_minima, search_summary, searched, searched_minima
 from rotorid.fits.time.fit import explained_percents, simulated_records
+from rotorid.fits.time.records_alone import nothing_alone
 from rotorid.fits.time.refusals import does_not_describe, out_of_iterations, require_bounds, unexplained
 from rotorid.fits.time.remarks import judge_colors, judge_explained, judge_solver, nothing_unseen, undriven_outputs
 from rotorid.fits.time.summary import information_of, record_fits, residual_colors
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.fitting.time.disturbed import DISTURBED, PIECES_S, falls, left_over, pushed
 from rotorid.fitting.time.nonlinear import NonlinearFit, NonlinearProblem, fit_nonlinear
-from rotorid.fitting.time.output_error import TimeData, log_likelihood
+from rotorid.fitting.time.output_error import TimeData, log_likelihood, moving
 from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, source_of
@@ -321,24 +322,38 @@ class Nonlinear:
         return self.problem(structure=posing.structure, parameters=parameters, records=tuple(parts), scheme=scheme)
 
     def _fit_each_record(self, data: NonlinearData, fit: NonlinearFit, posing: Posing) -> tuple[LogEstimate, ...]:
-        """The fit of each record alone, started from that of all; records without enough data are left out."""
+        """The fit of each record alone, started from that of all, with the reason where there is not enough data."""
         if len(data.records.data) < 2:
             return ()
+        free = fit.estimate.parameters.free
         found, shown = [], _shown(fit, data.records)
-        for place, record in enumerate(data.records.data):
+        for place, (segment, record) in enumerate(zip(data.records.segments, data.records.data, strict=True)):
             _PROGRESS.info(f"fitting {record.name} alone", extra={"done": place, "total": len(data.records.data)})
-            parameters, _ = _fixed_at_rest(data.structure, fit.estimate.parameters, [record])
+            parameters, at_rest = _fixed_at_rest(data.structure, fit.estimate.parameters, [record])
+            missing = {finding.where: finding.message.partition(", so ")[0] for finding in at_rest}
+            if not moving(record.inputs).any():
+                found.append(nothing_alone(segment, free, "no input of the model moved"))
+                continue
             if not parameters.free:
+                found.append(replace(nothing_alone(segment, (), ""), missing=missing))
                 continue
             try:
                 item = fit_nonlinear(self._posed(posing, parameters, data.records, [record]), solver=self.solver)
                 bounds = bounds_of_parts(item.problem.parts(item.solution.theta), parameters.free)
-            except RotoridError:  # a record may be too short for what all show together
+            except RotoridError as error:  # a record may be too short for what all show together
+                short = nothing_alone(segment, parameters.free, error.came)
+                found.append(replace(short, missing={**short.missing, **missing}))
                 continue
-            name = f"{record.name} at {data.records.segments[place].history.start_s:.1f} s"
-            stds = {n: std for n, std in zip(bounds.names, bounds.std.tolist(), strict=True) if shown[place][n]}
-            if stds:
-                found.append(LogEstimate(record=name, values=item.estimate.parameters.values, stds=stds))
+            little = f"another record moves what it acts on more than {_ABOUT_AS_MUCH:g} times as much"
+            missing |= {name: little for name in bounds.names if not shown[place][name]}
+            found.append(
+                LogEstimate(
+                    record=name_of_stretch(segment.record, segment.history.start_s),
+                    values=item.estimate.parameters.values,
+                    stds={n: std for n, std in zip(bounds.names, bounds.std.tolist(), strict=True) if shown[place][n]},
+                    missing=missing,
+                )
+            )
         return tuple(found)
 
     def verify(self, data: NonlinearData, fitted: FittedNonlinear, records: Sequence[FlightRecord]) -> Verifications:

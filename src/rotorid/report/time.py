@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.data.display import counted
+from rotorid.data.display import counted, listed
 from rotorid.data.quantity import MISSING, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
 from rotorid.plot.figure import quantity
@@ -35,6 +35,16 @@ class RecordRow:
     rate: str
     pieces: str
     fits: tuple[Verdict, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AloneRow:
+    """What one record alone says of the free parameters, and why it does not of some."""
+
+    record: str
+    interval: str
+    values: tuple[str, ...]
+    reasons: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,6 +107,8 @@ class TimeFits:
 
     outputs: tuple[str, ...]
     rows: tuple[RecordRow, ...]
+    alone: tuple[AloneRow, ...]
+    alone_names: tuple[str, ...]
     pictures: tuple[Picture, ...]
     memory: Picture | None
     beside: tuple[DomainRow, ...]
@@ -129,6 +141,8 @@ def time_fits(shown: Shown, *, key: str) -> TimeFits | None:
     return TimeFits(
         outputs=tuple(quantity(name).words for name in document.outputs),
         rows=_record_rows(document),
+        alone=_alone_rows(document, free),
+        alone_names=free,
         pictures=_pictures(shown, key),
         memory=_memory(document, f"{key}-memory"),
         beside=_domain_rows(document),
@@ -158,6 +172,27 @@ def _record_rows(document: ResultDocument) -> tuple[RecordRow, ...]:
             fits=tuple(
                 percent_verdict(fit.fit_percent[name]) if name in fit.fit_percent else Verdict("", "not judged")
                 for name in document.outputs
+            ),
+        )
+        for fit in document.records
+    )
+
+
+def _alone_rows(document: ResultDocument, names: Sequence[str]) -> tuple[AloneRow, ...]:
+    """What each record alone says of the free parameters; empty where none was fitted alone."""
+    if not any(fit.parameters or fit.missing for fit in document.records):
+        return ()
+    return tuple(
+        AloneRow(
+            record=fit.record,
+            interval=f"{fit.start_s:.2f} to {fit.stop_s:.2f} s",
+            values=tuple(
+                with_error(fit.parameters[name].value, fit.parameters[name].std) if name in fit.parameters else MISSING
+                for name in names
+            ),
+            reasons=tuple(
+                f"{listed([name for name, own in fit.missing.items() if own == reason])}: {reason}."
+                for reason in dict.fromkeys(fit.missing.values())
             ),
         )
         for fit in document.records

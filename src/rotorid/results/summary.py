@@ -717,7 +717,8 @@ class FitEnd:
 class RecordFit:
     """A stretch of a record that was fitted in time: share of each output's motion that the model explains.
 
-    ``parameters`` is what a fit to this stretch alone says, where several were fitted together.
+    ``parameters`` is what a fit to this stretch alone says, where several were fitted together, and ``missing`` why it
+    says nothing of a parameter.
     """
 
     record: str
@@ -728,6 +729,7 @@ class RecordFit:
     pieces: int = 1
     fit_percent: Mapping[str, float]
     parameters: Mapping[str, Derived] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

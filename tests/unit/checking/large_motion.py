@@ -32,7 +32,12 @@ def binary(size: float, samples: int, rng: np.random.Generator) -> FloatArray:
 
 
 def large_motion(
-    *, seed: int = 0, samples: int = 500, heading_rad: float = 0.6, without: tuple[str, ...] = ()
+    *,
+    seed: int = 0,
+    samples: int = 500,
+    heading_rad: float = 0.6,
+    without: tuple[str, ...] = (),
+    still: tuple[str, ...] = (),
 ) -> FlightRecord:
     """Set-points of roll, pitch and climb, and what motion capture sees of the answer; yaw is not commanded."""
     rng = np.random.default_rng(seed)
@@ -44,6 +49,7 @@ def large_motion(
         "r_setpoint": np.zeros(samples),
         "velocity_down_setpoint": binary(0.5, samples, rng),
     }
+    setpoints |= {name: np.zeros(samples) for name in still}
     start = np.zeros(len(model.states))
     start[model.states.index("psi")] = heading_rad
     inputs = np.stack([setpoints[name] for name in model.inputs])

@@ -79,6 +79,26 @@ def test_each_record_says_its_own(flight: IdentifiedModel) -> None:
         assert abs(drag.value - TRUTH["k_Dx"]) < INSIDE_STDS * drag.std
 
 
+def test_a_record_says_why_it_has_no_value_of_its_own() -> None:
+    records = [large_motion(seed=4), large_motion(seed=7, still=("phi_setpoint",))]
+    moved, little = identify(records, "drag.linear").fit.records
+    assert (set(moved.parameters), set(moved.missing)) == ({"k_Dx", "k_Dy"}, set())
+    assert (set(little.parameters), set(little.missing)) == ({"k_Dx"}, {"k_Dy"})
+    assert little.missing["k_Dy"] == "another record moves what it acts on more than 3 times as much"
+
+
+def test_of_responses_too_a_record_says_why() -> None:
+    records = [large_motion(seed=1), large_motion(seed=7, still=("phi_setpoint",))]
+    found = identify(records, "response.first_order_delay", outputs=("phi", "theta"))
+    for fit in found.fit.records:
+        assert not fit.parameters
+        assert (
+            fit.missing["K_phi"]
+            == "phi_setpoint did not move in flight7.csv at 0.0 s; each record must move every input"
+        )
+    assert found.fit.records[1].fit_percent.keys() == {"theta"}
+
+
 def test_it_is_linear_about_rest(flight: IdentifiedModel) -> None:
     assert flight.nonlinear is not None
     slow = sorted(abs(pole.value) for pole in flight.poles if abs(pole.value) > 1e-6)[:2]

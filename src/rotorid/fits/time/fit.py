@@ -7,7 +7,6 @@ outputs, or of the equations of motion, corrected for its color.
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -28,6 +27,8 @@ from rotorid.fits.time.records_alone import (
     errors_of_channels,
     estimate_of,
     fit_each_record,
+    not_repeated,
+    nothing_alone,
     parts_at,
     repeated,
 )
@@ -422,14 +423,17 @@ def _by_equations(
 def _equations_of_each(
     structure: LinearStructure, parameters: ParameterSet, records: TimeRecords, domain: EquationDomain
 ) -> tuple[LogEstimate, ...]:
-    """The equations of each record alone, where there are several that move every input."""
+    """The equations of each record alone, where there are several that move every input, or why not."""
     if not repeated(records):
-        return ()
+        return not_repeated(structure.inputs, records, parameters.free)
     found = []
     for segment, data in zip(records.segments, records.data, strict=True):
-        with contextlib.suppress(RotoridError):  # a record may be too short for what all show together
+        try:
             fit = fit_equation_error(structure, parameters, [data], domain=domain, hold=records.hold)
             own = equation_bounds(fit, domain, sample_rate_hz=data.sample_rate_hz)
+        except RotoridError as error:  # a record may be too short for what all show together
+            found.append(nothing_alone(segment, parameters.free, error.came))
+        else:
             found.append(estimate_of(segment, fit.parameters, own))
     return tuple(found)
 

@@ -8,7 +8,6 @@ no model of the errors gives. One that does not determine the parameters is not 
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -16,8 +15,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rotorid.data.display import listed
 from rotorid.errors import RotoridError
-from rotorid.fits.scatter import LogEstimate, disagreements, with_scatter
+from rotorid.fits.scatter import LogEstimate, disagreements, name_of_stretch, with_scatter
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.problem import Fit, Part, Problem
 from rotorid.fitting.time.output_error import (
@@ -122,7 +122,7 @@ def _clocks_of_delays(problem: RecordsProblem, clocks: Mapping[str, float]) -> l
 
 
 def fit_each_record(problem: RecordsProblem, solution: Solution, records: TimeRecords) -> tuple[LogEstimate, ...]:
-    """Each record fitted alone, where there are several that move every input.
+    """Each record fitted alone, where there are several that move every input, or why it was not.
 
     Parameters
     ----------
@@ -131,13 +131,16 @@ def fit_each_record(problem: RecordsProblem, solution: Solution, records: TimeRe
     records
         What was fitted, which the problem may hold in pieces.
     """
+    free = problem.parameters.free
     if not repeated(records):
-        return ()
+        return not_repeated(problem.structure.inputs, records, free)
     found, groups = [], _grouped(problem.records, records.data)
     for place, (segment, data) in enumerate(zip(records.segments, groups, strict=True)):
         _PROGRESS.info(f"fitting {segment.record} alone", extra={"done": place, "total": len(records.data)})
-        with contextlib.suppress(RotoridError):  # a record may be too short for what all show together
+        try:
             found.append(_alone(replace(problem, records=data), solution, segment))
+        except RotoridError as error:  # a record may be too short for what all show together
+            found.append(nothing_alone(segment, free, error.came))
     return tuple(found)
 
 
@@ -146,10 +149,36 @@ def repeated(records: TimeRecords) -> bool:
     return len(records.data) > 1 and all(bool(moving(data.inputs).all()) for data in records.data)
 
 
+def not_repeated(inputs: Sequence[str], records: TimeRecords, parameters: Sequence[str]) -> tuple[LogEstimate, ...]:
+    """Records that are not fitted alone, since not each moves every input; none, where there is only one."""
+    if len(records.data) < 2:
+        return ()
+    still = {
+        name_of_stretch(segment.record, segment.history.start_s): [
+            name for name, moves in zip(inputs, moving(data.inputs), strict=True) if not moves
+        ]
+        for segment, data in zip(records.segments, records.data, strict=True)
+    }
+    first = next(name for name, names in still.items() if names)
+    found = []
+    for segment in records.segments:
+        name = name_of_stretch(segment.record, segment.history.start_s)
+        where = name if still[name] else first
+        reason = f"{listed(still[where])} did not move in {where}; each record must move every input"
+        found.append(nothing_alone(segment, parameters, reason))
+    return tuple(found)
+
+
 def estimate_of(segment: Segment, parameters: ParameterSet, bounds: Bounds) -> LogEstimate:
     """What one record alone says, named by its start."""
-    name = f"{segment.record} at {segment.history.start_s:.1f} s"
+    name = name_of_stretch(segment.record, segment.history.start_s)
     return LogEstimate(record=name, values=parameters.values, stds=bounds.stds, random=bounds.random_stds)
+
+
+def nothing_alone(segment: Segment, parameters: Sequence[str], reason: str) -> LogEstimate:
+    """A record that alone says nothing of some parameters."""
+    name = name_of_stretch(segment.record, segment.history.start_s)
+    return LogEstimate(record=name, values={}, stds={}, missing=dict.fromkeys(parameters, reason.rstrip(".")))
 
 
 def _grouped(parts: Sequence[TimeData], records: Sequence[TimeData]) -> Iterator[tuple[TimeData, ...]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from rotorid.fits.scatter import LogEstimate
+from rotorid.fits.scatter import LogEstimate, name_of_stretch
 from rotorid.fits.time.fit import TimeFit
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.nonlinear import NonlinearStructure
@@ -29,6 +29,7 @@ def record_fits(
 ) -> tuple[RecordFit, ...]:
     """Fit of every record on its own, with its own estimates where it was fitted alone too."""
     estimates = {estimate.record: _estimates(estimate, parameters) for estimate in alone}
+    missing = {estimate.record: dict(estimate.missing) for estimate in alone}
     return tuple(
         RecordFit(
             record=record.record,
@@ -44,7 +45,8 @@ def record_fits(
                     percent := moved.judged(name, nrmse_fit_percent(record.measured[row], record.simulated[row]))
                 )
             },
-            parameters=estimates.get(f"{record.record} at {float(record.time_s[0]):.1f} s", {}),
+            parameters=estimates.get(name_of_stretch(record.record, float(record.time_s[0])), {}),
+            missing=missing.get(name_of_stretch(record.record, float(record.time_s[0])), {}),
         )
         for record, data in zip(simulated, records.data, strict=True)
         for moved in [driven(structure, record.inputs)]
