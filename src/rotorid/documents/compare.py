@@ -14,6 +14,7 @@ from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.result import MODEL, model_of, read_result, read_text
 from rotorid.documents.results import result_files
 from rotorid.errors import UsageError
+from rotorid.flying.step_responses import StepPair, compared_steps
 from rotorid.identifying.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, basis_of, scored_outputs
 from rotorid.identifying.cross_validation import signal_scores
 from rotorid.models.parameter import Status
@@ -97,6 +98,26 @@ class ComparedManeuverDocument(Document):
     models: dict[str, ComparedScoreDocument]
 
 
+class ComparedStepDocument(Document):
+    """The answer of one model to a unit step: final value, time to 10 % and rise time from 10 to 90 % of it.
+
+    Times are ``null`` where the response does not settle.
+    """
+
+    final: float
+    start_s: float | None
+    rise_s: float | None
+    rise_std_s: float | None
+
+
+class ComparedStepsDocument(Document):
+    """Step responses of one pair under several models, by the label of the result."""
+
+    input: str
+    output: str
+    models: dict[str, ComparedStepDocument]
+
+
 class CompareDocument(Document):
     """``compare.json``: several models or methods side by side.
 
@@ -111,6 +132,7 @@ class CompareDocument(Document):
     models: list[ComparedModelDocument]
     parameters: dict[str, ComparedParameterDocument] = Field(default_factory=dict)
     maneuvers: list[ComparedManeuverDocument] = Field(default_factory=list)
+    steps: list[ComparedStepsDocument] = Field(default_factory=list)
     common_outputs: list[str] = Field(default_factory=list)
     horizon_s: float | None = None
     band_rad_s: tuple[float, float] | None = None
@@ -118,17 +140,42 @@ class CompareDocument(Document):
     provenance: ProvenanceDocument
 
 
-def compare_document(found: Comparison) -> CompareDocument:
-    """A comparison as ``compare.json`` holds it."""
+def compare_document(found: Comparison, steps: Sequence[StepPair] = ()) -> CompareDocument:
+    """A comparison as ``compare.json`` holds it.
+
+    Parameters
+    ----------
+    steps
+        Step responses of its models, see :func:`steps_of`.
+    """
     return CompareDocument(
         models=[_model(entry, found.on_logs.get(entry.label)) for entry in found.entries],
         parameters=_parameters(found.entries),
         maneuvers=[_maneuver(each, found.common_outputs) for each in found.maneuvers],
+        steps=[_steps(pair) for pair in steps],
         common_outputs=list(found.common_outputs),
         horizon_s=finite(found.horizon_s),
         band_rad_s=found.band_rad_s,
         findings=[FindingDocument.model_validate(finding) for finding in found.findings],
         provenance=ProvenanceDocument.model_validate(found.provenance),
+    )
+
+
+def steps_of(found: Comparison) -> tuple[StepPair, ...]:
+    """Step responses of the models of a comparison whose equations are known."""
+    return compared_steps({entry.label: entry.model for entry in found.entries if entry.scored})
+
+
+def _steps(pair: StepPair) -> ComparedStepsDocument:
+    return ComparedStepsDocument(
+        input=pair.input,
+        output=pair.output,
+        models={
+            label: ComparedStepDocument(
+                final=float(step.response[-1]), start_s=step.start_s, rise_s=step.rise_s, rise_std_s=step.rise_std_s
+            )
+            for label, step in pair.models.items()
+        },
     )
 
 

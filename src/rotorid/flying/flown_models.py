@@ -188,7 +188,7 @@ def fly_log(
     settings, logs = as_settings(FlySettings, settings, options), as_records(records)
     model, joined = one_model(models)
     predictor = predictor_of(candidate_model(model))
-    values, draws = predictor.parameters.values, _drawn_values(model, predictor.parameters, seed=settings.seed)
+    values, draws = predictor.parameters.values, drawn_values(model, predictor.parameters, seed=settings.seed)
     stretches: list[FlownStretch] = []
     findings = [*(finding for record in logs for finding in record.findings), *joined]
     flights: list[Flight] = []
@@ -297,11 +297,13 @@ def fly_plan(
         measured=np.full((len(outputs), count), np.nan),
         input_names=model.structure.inputs,
         output_names=outputs,
-        outputs_at=lambda values: _moved_by(model, values).simulate(inputs, sample_rate_hz=_PLAN_RATE_HZ, hold="zero"),
+        outputs_at=lambda values: with_values(model, values).simulate(
+            inputs, sample_rate_hz=_PLAN_RATE_HZ, hold="zero"
+        ),
         held=True,
     )
     parameters = predictor_of(candidate_model(model)).parameters
-    draws = _drawn_values(model, parameters, seed=settings.seed)
+    draws = drawn_values(model, parameters, seed=settings.seed)
     lost = [remark("unused_choice", what, f"The plan moves {what}, which the model does not have.") for what in left]
     return FlownModel(
         model=model,
@@ -320,7 +322,7 @@ def _stretch(simulation: Simulation, values: Mapping[str, float], draws: Sequenc
     """A simulation at the identified values, with its band over vehicles drawn from the covariance."""
     measured = simulation.measured
     rows = simulation.outputs_at(values)
-    lower, upper = _band(rows, list(_others(simulation, draws)))
+    lower, upper = band_of(rows, list(_others(simulation, draws)))
     return FlownStretch(
         record=simulation.record,
         maneuver=between(simulation.maneuver, simulation.time_s),
@@ -355,7 +357,7 @@ def _others(simulation: Simulation, draws: Sequence[Mapping[str, float]]) -> Ite
             yield rows
 
 
-def _moved_by(model: IdentifiedModel, values: Mapping[str, float]) -> IdentifiedModel:
+def with_values(model: IdentifiedModel, values: Mapping[str, float]) -> IdentifiedModel:
     """The model at other values of its parameters."""
     if model.nonlinear is not None:
         free = model.nonlinear.parameters.free
@@ -366,7 +368,7 @@ def _moved_by(model: IdentifiedModel, values: Mapping[str, float]) -> Identified
     return replace(model, structure=replace(model.structure, parameters=moved))
 
 
-def _drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int) -> list[dict[str, float]]:
+def drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int) -> list[dict[str, float]]:
     """Values of all parameters, drawn from the covariance and inside their bounds."""
     values = parameters.values
     names = tuple(name for name in parameters.names if name in model.bounds.names)
@@ -383,7 +385,7 @@ def _drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int
     return [{**values, **dict(zip(names, draw.tolist(), strict=True))} for draw in drawn]
 
 
-def _band(rows: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+def band_of(rows: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Quantiles over draws; the simulation itself where too few draws can be simulated."""
     if len(others) < _DRAWS // 2:
         return rows, rows

@@ -504,6 +504,56 @@ def predictions(
     return stacked(panels, x_axis=TIME_AXIS)
 
 
+def steps(
+    time_s: FloatArray,
+    pairs: Sequence[tuple[str, str]],
+    models: Sequence[Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]],
+    labels: Sequence[str],
+) -> Figure:
+    """Answers of several models to a unit step, with the bands of their parameters.
+
+    Parameters
+    ----------
+    time_s
+        Shape ``(samples,)``.
+    pairs
+        Input and output of each panel.
+    models
+        For each panel, label to response, lower and upper edge, shapes ``(samples,)``.
+    labels
+        All labels, in the order of their colors.
+    """
+    colors, panels, named = SERIES[1:], [], set[str]()
+    for (given, output), found in zip(pairs, models, strict=True):
+        traces: list[Trace] = []
+        step = quantity(given)
+        for label, (response, lower, upper) in found.items():
+            number = labels.index(label)
+            color = colors[number % len(colors)]
+            edges = [
+                line(time_s, edge / step.factor, output, words=text(label), color=color, width=0.0)
+                for edge in (lower, upper)
+            ]
+            shade: Trace = {"hoverinfo": "skip", "fillcolor": translucent(color, _FLOWN_OPACITY), "fill": "tonexty"}
+            dash = DASHES[1 + number % (len(DASHES) - 1)]
+            own = line(
+                time_s,
+                response / step.factor,
+                output,
+                words=text(label),
+                color=color,
+                dash=dash,
+                width=1.4,
+                legend=label not in named,
+            )
+            traces += [{**edges[0], "hoverinfo": "skip"}, {**edges[1], **shade}, own]
+            named.add(label)
+        size = f"1 {step.unit}".strip() if step.unit != "1" else "1"
+        words = f"{quantity(output).label}, after {size} of {text(step.words)}"
+        panels.append(Panel(label=words, traces=traces, height_px=_COMPARED_HEIGHT_PX))
+    return stacked(panels, x_axis={"title": {"text": "Time after the step [s]"}})
+
+
 def _model_line(curve: Curve, name: str, label: str, number: int, *, legend: bool) -> Trace:
     colors = SERIES[1:]
     return line(

@@ -20,9 +20,12 @@ from rotorid.documents.compare import (
     CompareDocument,
     ComparedParameterDocument,
     compare_document,
+    steps_of,
 )
+from rotorid.flying.step_responses import StepPair
 from rotorid.identifying.comparison import ComparedManeuver, Comparison
-from rotorid.plot.time import Curve, Score, predictions, score_dots
+from rotorid.plot.figure import quantity
+from rotorid.plot.time import Curve, Score, predictions, score_dots, steps
 from rotorid.report.files import write_together
 from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
@@ -72,6 +75,17 @@ class ManeuverRow:
     record: str
     what: str
     fits: tuple[Cell, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepRow:
+    """The answer of one model to a step; numbers are text."""
+
+    pair: str
+    label: str
+    final: str
+    start: str
+    rise: str
 
 
 def model_rows(document: CompareDocument) -> tuple[ModelRow, ...]:
@@ -214,7 +228,10 @@ def write_comparison(folder: Path, compared: Comparison, *, title: str) -> None:
     folder
         Where they go; it is made when missing. Files of the same names are replaced.
     """
-    write_together(folder, {JSON: compare_document(compared), PAGE: render_comparison(compared, title=title)})
+    steps = steps_of(compared)
+    document = compare_document(compared, steps)
+    page = render_documents(document, compared.maneuvers, steps, title=title)
+    write_together(folder, {JSON: document, PAGE: page})
 
 
 def render_comparison(compared: Comparison, *, title: str) -> str:
@@ -225,12 +242,15 @@ def render_comparison(compared: Comparison, *, title: str) -> str:
     compared
         What ``compare`` found.
     """
-    return render_documents(compare_document(compared), compared.maneuvers, title=title)
+    steps = steps_of(compared)
+    return render_documents(compare_document(compared, steps), compared.maneuvers, steps, title=title)
 
 
-def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver], *, title: str) -> str:
+def render_documents(
+    document: CompareDocument, flown: Sequence[ComparedManeuver], steps: Sequence[StepPair] = (), *, title: str
+) -> str:
     """The same of a document and the signals behind it."""
-    dots, overlays = _dots(document), _overlays(flown)
+    dots, overlays, stepped = _dots(document), _overlays(flown), _stepped(document, steps)
     return render(
         "compare.html",
         logs=document.provenance.inputs,
@@ -244,18 +264,52 @@ def render_documents(document: CompareDocument, flown: Sequence[ComparedManeuver
         maneuvers=maneuver_rows(document),
         dots=dots,
         overlays=overlays,
+        stepped=stepped,
+        step_rows=step_rows(document),
         undrawn=len(flown) - len(overlays),
         horizon=significant(document.horizon_s, digits=2) if document.horizon_s else "",
         band=" to ".join(significant(edge) for edge in document.band_rad_s or ()),
         remarks=finding_rows(document.findings),
-        pictures=[*([dots] if dots else []), *overlays],
+        pictures=[*([dots] if dots else []), *overlays, *stepped],
     )
 
 
-def pictures_of(document: CompareDocument, flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:
+def pictures_of(
+    document: CompareDocument, flown: Sequence[ComparedManeuver], steps: Sequence[StepPair] = ()
+) -> Sequence[Picture]:
     """All pictures of the page."""
     dots = _dots(document)
-    return [*([dots] if dots else []), *_overlays(flown)]
+    return [*([dots] if dots else []), *_overlays(flown), *_stepped(document, steps)]
+
+
+def step_rows(document: CompareDocument) -> tuple[StepRow, ...]:
+    """One row for each pair and model: where a step ends, and how long it takes."""
+    return tuple(
+        StepRow(
+            pair=f"{quantity(pair.output).words} after {quantity(pair.input).words}",
+            label=label,
+            final=significant(step.final * quantity(pair.output).factor / quantity(pair.input).factor),
+            start=f"{1e3 * step.start_s:.0f}" if step.start_s is not None else MISSING,
+            rise=milliseconds(step.rise_s, step.rise_std_s) if step.rise_s is not None else MISSING,
+        )
+        for pair in document.steps
+        for label, step in pair.models.items()
+    )
+
+
+def _stepped(document: CompareDocument, pairs: Sequence[StepPair]) -> list[Picture]:
+    """Step responses of all models in one picture; none without a pair that they share."""
+    if not pairs:
+        return []
+    figure = drawn(
+        steps,
+        pairs[0].time_s,
+        [(pair.input, pair.output) for pair in pairs],
+        [{label: (own.response, own.lower, own.upper) for label, own in pair.models.items()} for pair in pairs],
+        [model.label for model in document.models],
+    )
+    names = ", ".join(f"{pair.output} after {pair.input}" for pair in pairs)
+    return [Picture(key="steps", description=f"Step responses of the models: {names}", figure=figure)]
 
 
 def _overlays(flown: Sequence[ComparedManeuver]) -> Sequence[Picture]:

@@ -101,11 +101,14 @@ def of_simulated(flown: FlownModel) -> Publication:
 
 def of_comparison(compared: Comparison) -> Publication:
     """Of several results side by side: the pictures of their report and their tables."""
-    from rotorid.documents.compare import compare_document
+    from rotorid.documents.compare import compare_document, steps_of
     from rotorid.report.compare import pictures_of
 
-    document = compare_document(compared)
-    return Publication(pictures=_named(pictures_of(document, compared.maneuvers)), tables=comparison_tables(document))
+    steps = steps_of(compared)
+    document = compare_document(compared, steps)
+    return Publication(
+        pictures=_named(pictures_of(document, compared.maneuvers, steps)), tables=comparison_tables(document)
+    )
 
 
 def write_publication(
