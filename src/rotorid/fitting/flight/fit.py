@@ -21,6 +21,7 @@ from rotorid.fitting.flight.moment import MomentChoices, MomentFit, Octave, fit_
 from rotorid.fitting.flight.motion import Motion, VelocityClass, motion, velocity_class
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.models.flight import (
+    CURVE_TERMS,
     Airframe,
     HoverThrust,
     felt,
@@ -235,27 +236,29 @@ def fit_flight(records: Sequence[MotorRecord], airframe: Airframe, choices: Flig
     Raises
     ------
     UsageError
-        Records and airframe have different numbers of rotors, or there is no record.
+        Records and airframe have different numbers of rotors, there is no record, or a thrust curve is known in part.
     InsufficientDataError
         A record has no specific force along all axes, or its motors never turn, or all together last
         less than 6 s.
     """
     records = tuple(records)
-    _check(records, airframe)
     given = choices or FlightChoices()
+    _check(records, airframe, given)
     lag = _lag(records, airframe, given)
     choices = _with_lag(given, lag)
     kind = choices.velocity or velocity_class(records)
     skews = np.array(choices.skews_s or np.zeros(len(records)))
     turned = all(record.attitude.shape[1] for record in records)
     wind = (choices.wind is None or choices.wind) and kind == "measured" and turned
-    force = fit_force(
-        records,
-        airframe,
-        ForceChoices(
-            choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain, choices.straight
-        ),
+    wanted = ForceChoices(
+        choices.values, choices.terms, kind, wind, choices.cutoff_hz, skews, choices.least_gain, choices.straight
     )
+    force = fit_force(records, airframe, wanted)
+    if lag is not None and "c_1" in force.free:
+        # The lag was found with a square, and outputs that change much turn a vehicle by what the curve is.
+        lag = motor_lag(records, airframe, force.values) or lag
+        choices = _with_lag(given, lag)
+        force = fit_force(records, airframe, wanted._replace(known=choices.values))
     values = dict(force.values)
     if lag is not None and "T_motor" not in lag.moving:
         # A lag far shorter than the samples is none.
@@ -303,7 +306,12 @@ def fitted_motion(fit: FlightFit, records: Sequence[MotorRecord]) -> list[Motion
 def with_moments(forces: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices) -> FlightFit:
     """A fit of forces with the moments that follow with them held (:mod:`rotorid.fitting.flight.moment`)."""
     wanted = MomentChoices(
-        known=choices.values, terms=choices.terms, least_gain=choices.least_gain, predictor=choices.predictor
+        known=choices.values,
+        terms=choices.terms,
+        least_gain=choices.least_gain,
+        predictor=choices.predictor,
+        # Without drag there is no wind either.
+        airspeed=forces.velocity == "measured" and ("k_d" in forces.values or choices.wind is False),
     )
     found = fit_moments(records, forces.airframe, fitted_motion(forces, records), forces.values, wanted)
     return replace(
@@ -377,9 +385,16 @@ def covered(records: Sequence[MotorRecord], driven: Sequence[Motion]) -> FlightR
     return FlightRange(span(edge), span(climb), span(speed), span(load))
 
 
-def _check(records: Sequence[MotorRecord], airframe: Airframe) -> None:
+def _check(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightChoices) -> None:
     if not records:
         raise UsageError("no records were given", needed="at least one")
+    bent = [name for name in CURVE_TERMS[:2] if choices.values.get(name, 0.0) != 0.0]
+    if bent and "c_2" not in choices.values:
+        raise UsageError(
+            f"of the thrust curve only {' and '.join(bent)} is known",
+            needed="all of it",
+            remedy="fix c_2 too, or leave the curve to the fit",
+        )
     seconds = sum(record.duration_s for record in records)
     if seconds < _SHORTEST_S:
         raise InsufficientDataError(f"the flights last {seconds:.2g} s", needed=f"{_SHORTEST_S:g} s")

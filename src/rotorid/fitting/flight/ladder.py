@@ -355,7 +355,8 @@ class _Search:
 
     def _held(self, name: str) -> float:
         known = self.choices.known
-        if name == "c_2" and any(term in known for term in CURVE_TERMS):
+        # A square whose size is not known has no other terms.
+        if name == "c_2" and "c_2" in known:
             return full_thrust(known)
         return known.get(name, np.nan)
 

@@ -34,6 +34,7 @@ from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_HZ, excita
 from rotorid.fitting.motors.fit import LEAST_SAMPLES, MotorFit, fit_motors
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.models.flight import (
+    CURVE_TERMS,
     FLIGHT_PARAMETERS,
     HUB_TERMS,
     INERTIA,
@@ -167,12 +168,15 @@ class MomentChoices(Immutable):
         Share by which a term has to lower the error of data that were not fitted.
     predictor
         Whether the predictor is wanted too.
+    airspeed
+        Whether steady airspeed is known: velocity was measured, and wind is found or known to be none.
     """
 
     known: Mapping[str, float] = field(default_factory=dict)
     terms: tuple[str, ...] | None = None
     least_gain: float = 0.01
     predictor: bool = False
+    airspeed: bool = True
 
     def __post_init__(self) -> None:
         self._set(known=self.known)
@@ -403,21 +407,33 @@ def turned_axes(
     return tuple(found)
 
 
-def motor_lag(records: Sequence[MotorRecord], airframe: Airframe) -> MotorFit | None:
+def motor_lag(
+    records: Sequence[MotorRecord], airframe: Airframe, curve: Mapping[str, float] | None = None
+) -> MotorFit | None:
     """Lag and delay of motors known by their outputs, as ``physical.motors`` finds them from roll and pitch.
 
-    Thrust by the square of the output is near enough for a lag, and its scale goes into inertia, which is fitted again
-    with thrust in moving air. ``None`` where motors explain neither.
+    Inertia is fitted again with thrust in moving air: only the shape of thrust counts. ``None`` where motors explain
+    neither axis.
+
+    Parameters
+    ----------
+    curve
+        Of thrust by output; before one is known, its square is near enough where outputs change little.
     """
     levers = _levers(airframe)
     # Without specific force, so that axes are looked for in octaves although thrust is shown by slow motion.
     turning = [replace(record, az=np.zeros(record.samples)) for record in records]
-    axes = tuple(axis for axis in excited_axes(excitations(turning, levers)) if axis in "pq")
+    axes = tuple(axis for axis in excited_axes(excitations(turning, levers, in_air=True)) if axis in "pq")
     if not axes or min(record.samples for record in records) < LEAST_SAMPLES:
         return None
     known = {"m": airframe.mass_kg, "c_2": float(np.mean([_square_thrust(record, airframe) for record in records]))}
-    parameters = motor_parameters(curve="quadratic", known=known, axes=axes, earliest_s=_EARLIEST_S)
-    return fit_motors(MotorProblem(records=tuple(turning), levers=levers, parameters=parameters, axes=axes))
+    if curve is not None:
+        known |= {name: curve.get(name, 0.0) for name in CURVE_TERMS}
+    shape: Curve = "quadratic" if curve is None else "polynomial"
+    parameters = motor_parameters(curve=shape, known=known, axes=axes, earliest_s=_EARLIEST_S)
+    return fit_motors(
+        MotorProblem(records=tuple(turning), levers=levers, parameters=parameters, axes=axes, in_air=True)
+    )
 
 
 def _square_thrust(record: MotorRecord, airframe: Airframe) -> float:
@@ -742,6 +758,10 @@ def _climbed(
             missing |= {"m_f": slow} if "m_f" in tried else {}
             continue
         if "m_fx" in tried and "m_f" not in {*names, *known}:
+            continue
+        if not choices.airspeed and {"x_cg", "z_cg"} & set(tried):
+            # Steady airspeed is lost, whose hub moment is steady too.
+            missing |= dict.fromkeys(tried, "steady airspeed is not known, whose moment looks alike")
             continue
         after = _judged(rows, [*names, *tried], axes)
         rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))

@@ -90,7 +90,7 @@ def band_words(found: Iterable[Mapping[str, Excitation]], axis: str) -> str:
 
 
 def excitations(
-    records: Sequence[MotorRecord], levers: FloatArray, *, spin_up: bool = False
+    records: Sequence[MotorRecord], levers: FloatArray, *, spin_up: bool = False, in_air: bool = False
 ) -> tuple[dict[str, Excitation], ...]:
     """For every record, axis to its excitation.
 
@@ -105,6 +105,9 @@ def excitations(
     spin_up
         Whether rotors turn the vehicle by what they gain of their speed too. A controller does not look like that: it
         slows down what turns.
+    in_air
+        Whether the vehicle flies fast, so that air moves it in what is slow: octaves then come first where they show
+        an axis, whatever was logged.
 
     Examples
     --------
@@ -121,6 +124,8 @@ def excitations(
     shown = excited_axes(slow)
     lagging = any(record.between == "held" for record in records)
     hidden = set() if shown and lagging else set(RATES).difference(shown)
+    if in_air:
+        hidden = set(RATES)
     return tuple(_with_octaves(record, levers, found, hidden) for record, found in zip(records, slow, strict=True))
 
 

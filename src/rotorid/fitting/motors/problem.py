@@ -100,6 +100,8 @@ class MotorProblem(Problem):
         errors are taken as they are.
     left
         Of every equation what counts as its whitened error at the truth, for data drawn anew; by default nothing.
+    in_air
+        Of :func:`rotorid.fitting.motors.excitation.excitations`.
 
     Raises
     ------
@@ -115,6 +117,7 @@ class MotorProblem(Problem):
     axes: tuple[str, ...] = ("az", "weight", "p", "q", "r")
     filters: tuple[Mapping[str, Filter], ...] = ()
     left: tuple[FloatArray, ...] = ()
+    in_air: bool = False
 
     def __post_init__(self) -> None:
         levers = read_only(self.levers, np.float64, ndim=2)
@@ -138,7 +141,7 @@ class MotorProblem(Problem):
         """For every record, how far the motors explain the slow motion of each axis."""
         names = self.parameters.names
         spin_up = SPIN_UP in names and (SPIN_UP in self.parameters.free or self.parameters[SPIN_UP].value != 0.0)
-        return excitations(self.records, self.levers, spin_up=spin_up)
+        return excitations(self.records, self.levers, spin_up=spin_up, in_air=self.in_air)
 
     def with_filters(self, filters: Sequence[Mapping[str, Filter]]) -> Self:
         """The same problem with errors taken as of another color."""

@@ -9,8 +9,8 @@ import pytest
 from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 
 from rotorid.data.record import MotorRecord
-from rotorid.errors import InsufficientDataError
-from rotorid.fitting.flight.fit import fit_flight
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.fitting.flight.fit import FlightChoices, fit_flight
 from rotorid.fitting.flight.moment import MomentChoices, MomentFit, fit_moments, moment_error
 from rotorid.fitting.flight.motion import motion
 from rotorid.models.flight import FORCE_TERMS
@@ -140,3 +140,23 @@ def test_yaw_without_inertia_says_so(flights: list[MotorRecord]) -> None:
     fit = fit_moments([replace(flights[0], rates=rates)], FRAME, [motion(flights[0])], FORCE)
     assert "kappa" not in fit.values
     assert fit.missing["kappa"] == "I_zz is not known"
+
+
+def test_without_steady_airspeed_there_is_no_center_of_gravity() -> None:
+    """The hub moment of an airspeed that stays looks like it."""
+    truth = {name: value for name, value in TRUTH.items() if name != "m_f"} | {"x_cg": 0.004}
+    flight = made_up_flight(1, gusts_nm=0.003, seconds=8.0, truth=truth)
+    choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]}, terms=("x_cg", "y_cg"))
+    shown, hidden = (
+        fit_moments([flight], FRAME, [motion(flight)], FORCE, replace(choices, airspeed=airspeed))
+        for airspeed in (True, False)
+    )
+    assert "x_cg" in shown.entered
+    assert hidden.entered == ()
+    assert {"x_cg", "y_cg"} <= hidden.missing.keys()
+
+
+def test_a_thrust_curve_that_is_known_in_part_is_refused() -> None:
+    flight = made_up_flight(1, seconds=7.0)
+    with pytest.raises(UsageError, match="only c_1 is known"):
+        fit_flight([flight], FRAME, FlightChoices(values={"c_1": 1.0}))
