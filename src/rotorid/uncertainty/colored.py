@@ -63,7 +63,8 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
     Parameters
     ----------
     parts
-        Whitened residuals, slopes and unknowns of each record, see :class:`rotorid.fitting.problem.Part`.
+        Whitened residuals, slopes and unknowns of each record, see :class:`rotorid.fitting.problem.Part`. A part of a
+        single row is what was known before, and has the size that its whitening says.
 
     Raises
     ------
@@ -123,8 +124,10 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
 
 def _of_each(parts: Sequence[Part], missing: Sequence[FloatArray] | None) -> tuple[Process, ...]:
     """The autoregression of each part, shared by all parts of about one sample rate."""
-    found: dict[int, Process] = {}
-    for places in _by_rate([part.sample_rate_hz for part in parts]):
+    rows = [place for place, part in enumerate(parts) if len(part.residual) > 1]
+    found = {place: _process_of_part(part.residual) for place, part in enumerate(parts) if place not in rows}
+    for group in _by_rate([parts[place].sample_rate_hz for place in rows]):
+        places = [rows[place] for place in group]
         lacks = None if missing is None else np.sum([missing[place] for place in places], axis=0)
         found |= dict.fromkeys(places, autoregression([parts[place].residual for place in places], missing=lacks))
     return tuple(found[place] for place in range(len(parts)))
@@ -169,7 +172,8 @@ def colored_by_part(parts: Sequence[Part]) -> ColoredCovariance:
 
 def _process_of_part(residual: FloatArray) -> Process:
     if len(residual) == 1:
-        return Process(np.zeros((0, 1, 1)), np.eye(1))
+        outputs = residual.shape[1]
+        return Process(np.zeros((0, outputs, outputs)), np.eye(outputs))
     return autoregression([residual])
 
 

@@ -36,20 +36,20 @@ from rotorid.fitting.flight.fit import (
     FlightErrors,
     FlightFit,
     fit_flight,
-    fitted_motion,
     predicted_force,
 )
 from rotorid.fitting.flight.force import whitening
 from rotorid.fitting.flight.ladder import USUAL_BEND, USUAL_REST
 from rotorid.fitting.flight.moment import AIR_TERMS, MOMENT_NUMBERS, moment_error
-from rotorid.fitting.flight.motion import Motion, motion
+from rotorid.fitting.flight.motion import motion
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.problem import Part
-from rotorid.models.flight import CURVE_TERMS, FLIGHT_PARAMETERS, full_thrust, speeds_of_outputs
+from rotorid.models.flight import CURVE_TERMS, FLIGHT_PARAMETERS, INERTIA, full_thrust, speeds_of_outputs
 from rotorid.models.motors import SPIN_UP
 from rotorid.typing import FloatArray
+from rotorid.uncertainty.colored import colored_covariance
 from rotorid.uncertainty.next_flight import random_effects_mean
-from rotorid.uncertainty.sandwich import by_blocks
+from rotorid.uncertainty.sandwich import by_bands, by_blocks
 
 USUAL_FREEDOM = 5.0
 """Degrees of freedom of the usual scatter: six flights of one vehicle gave it."""
@@ -206,20 +206,69 @@ def _mixed(fit: FlightFit, names: Sequence[str]) -> FloatArray:
 
 
 def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> FloatArray:
-    """Covariance by blocks, shape ``(p, p)``: forces, each band, and moments of the air, one after the other."""
-    found = np.zeros((len(names), len(names)))
+    """Covariance within flights, shape ``(p, p)``: forces, each band, and moments of the air, one after the other.
+
+    Each holds what the ones before found, and errs with it: inertia with thrust, moments of the air with thrust, drag,
+    winds and inertia.
+    """
     by_turning = _band_stds(fit)
     force = [name for name in names if name not in MOMENT_NUMBERS and name not in by_turning]
     air = [name for name in names if name in AIR_TERMS]
-    for group, parts in ((force, _force_parts), (air, _air_parts)):
-        if group:
-            places = [names.index(name) for name in group]
-            found[np.ix_(places, places)] = by_blocks(parts(fit, records, group))[: len(group), : len(group)]
-    slopes = _by_thrust(fit, records, names)
-    found = found + slopes @ found @ slopes.T + slopes @ found + found @ slopes.T
+    blown = [place for place, wind in enumerate(fit.winds) if np.isfinite(wind).all()]
+    size = len(names) + 2 * len(blown)
+    found = np.zeros((size, size))
+    if force:
+        places = [*(names.index(name) for name in force), *range(len(names), size)]
+        found[np.ix_(places, places)] = covariance(_force_parts(fit, records, force, blown))
+    found = _followed(found, _by_thrust(fit, records, names))
     for name, std in by_turning.items():
         if name in names:
             found[names.index(name), names.index(name)] += std**2
+    if air:
+        parts = _air_parts(fit, records, names, blown)
+        places = [names.index(name) for name in air]
+        own = [part._replace(slopes=part.slopes[..., places]) for part in parts]
+        found = _followed(found, _by_held(parts, places))
+        found[np.ix_(places, places)] += covariance(own)
+    return found[: len(names), : len(names)]
+
+
+def covariance(parts: Sequence[Part]) -> FloatArray:
+    """Covariance of colored errors, with the larger variance of each number where parts of the data pull harder.
+
+    Gusts last longer than a block of time, and as far as a controller answers them, what is slow pulls otherwise than
+    what is fast: of blocks, bands and colored errors none says all.
+
+    Parameters
+    ----------
+    parts
+        Errors and slopes of records; of a single row, what was known before.
+    """
+    longer = [part for part in parts if len(part.residual) > 1]
+    pulled = by_blocks(parts)
+    try:
+        found = colored_covariance(parts).corrected
+    except (InsufficientDataError, np.linalg.LinAlgError):
+        # A number without effect, which blocks leave at zero.
+        return pulled
+    larger = np.maximum(pulled.diagonal(), by_bands(longer).diagonal())
+    factor = np.sqrt(np.maximum(larger / found.diagonal(), 1.0))
+    return np.asarray(found * np.outer(factor, factor))
+
+
+def _followed(found: FloatArray, slopes: FloatArray) -> FloatArray:
+    """A covariance after numbers that hold others move with them, by slopes ``(p, p)`` of no further numbers."""
+    moved = np.zeros_like(found)
+    moved[: slopes.shape[0], : slopes.shape[1]] = slopes
+    return np.asarray(found + moved @ found @ moved.T + moved @ found + found @ moved.T)
+
+
+def _by_held(parts: Sequence[Part], places: Sequence[int]) -> FloatArray:
+    """Slopes of the numbers of some places, found by least squares, by all others, which are held, ``(p, p)``."""
+    slopes = np.concatenate([part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts])
+    own, found = slopes[:, places], np.zeros((slopes.shape[1], slopes.shape[1]))
+    found[places] = -np.linalg.lstsq(own, slopes, rcond=None)[0]
+    found[:, places] = 0.0
     return found
 
 
@@ -260,9 +309,10 @@ def _gains(values: Mapping[str, float], fit: FlightFit, level: float, *, measure
     return {name: float(np.diff(rows)[0]) for name, rows in (("lifted", lifted), ("static", static), ("speed", speeds))}
 
 
-def _force_parts(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> list[Part]:
-    """Errors of specific force and their slopes, axes together, those by the winds of all records at the end."""
-    blown = [bool(np.isfinite(wind).all()) for wind in fit.winds]
+def _force_parts(
+    fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str], blown: Sequence[int]
+) -> list[Part]:
+    """Errors of specific force over their size, and their slopes, axes together, by winds of records at the end."""
     parts = []
     for place, (record, skew_s) in enumerate(zip(records, fit.skews_s.tolist(), strict=True)):
         every = max(1, round(record.sample_rate_hz / _THINNED_HZ))
@@ -278,13 +328,10 @@ def _force_parts(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence
             made = predicted_force(values, fit.airframe, record, driven, fit.cutoff_hz)
             return np.asarray((made - record.force)[:, ::every])
 
-        part = _part(left, fit.values, (*names, *(_WINDS if blown[place] else ())), record.sample_rate_hz / every)
-        slopes = np.zeros((*part.slopes.shape[:2], len(names) + 2 * len(records)))
-        slopes[..., : len(names)] = part.slopes[..., : len(names)]
-        if blown[place]:
-            slopes[..., len(names) + 2 * place : len(names) + 2 * place + 2] = part.slopes[..., len(names) :]
-        part = part._replace(slopes=slopes)
+        part = _part(left, fit.values, names, record.sample_rate_hz / every, place, blown)
         parts.append(_whitened(part) if "c_1" in names else part)
+    size = max(float(np.sqrt(np.mean(np.concatenate([part.residual.ravel() for part in parts]) ** 2))), 1e-12)
+    parts = [part._replace(residual=part.residual / size, slopes=part.slopes / size) for part in parts]
     return [*parts, *_curve_parts(fit, records, names, parts)]
 
 
@@ -303,20 +350,20 @@ def _whitened(part: Part) -> Part:
 def _curve_parts(
     fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str], parts: Sequence[Part]
 ) -> list[Part]:
-    """What the fit takes as usual of a curve of outputs, each as one error of its usual size."""
+    """What the fit takes as usual of a curve of outputs, each as one error of its usual size, or of that found."""
     if not set(CURVE_TERMS) <= set(names):
         return []
     level = float(np.mean([record.outputs.mean() for record in records]))
     powers = level ** np.arange(3.0)
     thrust = float(sum(fit.values[name] * power for name, power in zip(CURVE_TERMS, powers, strict=True)))
     places = [list(names).index(name) for name in CURVE_TERMS]
-    size = float(np.sqrt(np.mean(np.concatenate([part.residual.ravel() for part in parts]) ** 2)))
     found = []
     for count, usual in ((1, USUAL_REST), (2, USUAL_BEND)):
         slopes = np.zeros((1, 3, parts[0].slopes.shape[2]))
-        slopes[0, 0, places[:count]] = size * powers[:count] / (usual * thrust)
+        slopes[0, 0, places[:count]] = powers[:count] / (usual * thrust)
         residual = np.zeros((1, 3))
-        residual[0, 0] = size
+        curve = np.array([fit.values[name] for name in CURVE_TERMS[:count]])
+        residual[0, 0] = max(1.0, abs(float(powers[:count] @ curve)) / (usual * thrust))
         found.append(Part(residual, slopes, np.zeros((1, 3, 0)), parts[0].sample_rate_hz))
     return found
 
@@ -328,23 +375,28 @@ def _more_wind(values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(name, 0.0) for name in _WINDS])
 
 
-def _air_parts(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> list[Part]:
-    """Errors of moment and their slopes by moments of the air, axes together."""
+def _air_parts(
+    fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str], blown: Sequence[int]
+) -> list[Part]:
+    """Errors of moment and their slopes by all numbers, axes together, by winds of records at the end."""
     delays = fit.moments.delays_s.tolist() if fit.moments is not None else [0.0] * len(records)
+    inertia = [fit.values.get(name, np.nan) for name in INERTIA.values()]
     parts = []
-    for record, driven, delay_s in zip(records, fitted_motion(fit, records), delays, strict=True):
+    for place, (record, delay_s) in enumerate(zip(records, delays, strict=True)):
 
         def left(
             values: Mapping[str, float],
             record: MotorRecord = record,
-            driven: Motion = driven,
+            wind: FloatArray = fit.winds[place],
+            skew_s: float = float(fit.skews_s[place]),
             delay_s: float = delay_s,
         ) -> FloatArray:
+            driven = motion(record, values, kind=fit.velocity, wind=wind + _more_wind(values), skew_s=skew_s)
             # An axis without inertia counts for nothing.
-            return np.nan_to_num(moment_error(values, fit.airframe, record, driven, delay_s=delay_s))
+            return np.nan_to_num(moment_error(values, fit.airframe, record, driven, delay_s=delay_s, inertia=inertia))
 
         rate_hz = left(fit.values).shape[1] / record.duration_s
-        parts.append(_part(left, fit.values, names, rate_hz))
+        parts.append(_part(left, fit.values, names, rate_hz, place, blown))
     return parts
 
 
@@ -353,16 +405,20 @@ def _part(
     values: Mapping[str, float],
     names: Sequence[str],
     rate_hz: float,
+    place: int,
+    blown: Sequence[int],
 ) -> Part:
-    """Errors ``(n, 3)`` and their slopes by numbers, from small steps."""
+    """Errors ``(n, 3)`` of a record and their slopes by numbers and by winds of records, from small steps."""
     here = left(values)
-    slopes = []
-    for name in names:
+    slopes = np.zeros((here.shape[1], 3, len(names) + 2 * len(blown)))
+    own = _WINDS if place in blown else ()
+    first = len(names) + 2 * blown.index(place) if own else 0
+    for column, name in [*enumerate(names), *enumerate(own, first)]:
         value = values.get(name, 0.0)
         unit = FLIGHT_PARAMETERS[name].unit if name in FLIGHT_PARAMETERS else "m/s"
         step = max(_STEP * abs(value), _LEAST_STEPS.get(unit, 1e-12))
-        slopes.append((left({**values, name: value + step}) - here) / step)
-    return Part(here.T, np.stack(slopes, axis=-1).swapaxes(0, 1), np.zeros((here.shape[1], 3, 0)), rate_hz)
+        slopes[:, :, column] = ((left({**values, name: value + step}) - here) / step).T
+    return Part(here.T, slopes, np.zeros((here.shape[1], 3, 0)), rate_hz)
 
 
 def _band_stds(fit: FlightFit) -> dict[str, float]:
@@ -394,7 +450,8 @@ def _band_stds(fit: FlightFit) -> dict[str, float]:
 
 
 def _variances(chain: MotorFit) -> dict[str, float]:
-    """Variance of each number of a fit of some axes, by blocks."""
+    """Variance of each number of a fit of some axes, by blocks of time or by bands of frequency, the larger."""
     rate_hz = chain.problem.records[0].sample_rate_hz
     parts = [part._replace(sample_rate_hz=rate_hz) for part in chain.parts()]
-    return dict(zip(chain.moving, by_blocks(parts).diagonal().tolist(), strict=True))
+    found = np.maximum(by_blocks(parts).diagonal(), by_bands(parts).diagonal())
+    return dict(zip(chain.moving, found.tolist(), strict=True))

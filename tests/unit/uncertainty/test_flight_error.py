@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
-from rotorid.uncertainty.flight_error import flights_alone, usual_scatter, with_errors
+from rotorid.fitting.problem import Part
+from rotorid.uncertainty.flight_error import covariance, flights_alone, usual_scatter, with_errors
+from rotorid.uncertainty.sandwich import by_bands, by_blocks
 
 CHOICES = FlightChoices(values={"I_zz": TRUTH["I_zz"]}, wind=False, terms=("m_f",), cutoff_hz=90.0)
 
@@ -66,3 +69,23 @@ def test_another_flight_lies_farther_off_than_the_vehicle(two: FlightFit) -> Non
 def test_stretches_of_one_log_are_one_flight(flights: list[MotorRecord]) -> None:
     stretches = [replace(record, name="log") for record in flights]
     assert flights_alone(fit_flight(stretches, FRAME, CHOICES), stretches, CHOICES) == ()
+
+
+def test_gusts_that_outlast_a_block_count() -> None:
+    """Errors of ten seconds' memory, of a number whose column is as slow: blocks of 2 s see a half."""
+    rng = np.random.default_rng(0)
+    slopes, left = (lfilter([1.0], [1.0, -0.998], rng.normal(size=(2, 3000)))[..., None] for _ in range(2))
+    slope, error = slopes[0], left[0]
+    error = error - slope * float((slope * error).sum() / (slope**2).sum())
+    part = Part(error, slope[..., None], np.zeros((3000, 1, 0)), 50.0)
+    assert float(covariance([part])[0, 0]) > 1.5 * float(by_blocks([part])[0, 0])
+
+
+def test_bands_that_pull_apart_count() -> None:
+    """A controller answers what is slow, so that slow and fast motion show another number."""
+    rng = np.random.default_rng(0)
+    fast, slow = rng.normal(size=3000), lfilter([0.03], [1.0, -0.97], rng.normal(size=3000)) * 10.0
+    slope = fast + slow
+    error = 0.3 * (slow - slope * float(slow @ slope) / float(slope @ slope)) + 0.1 * rng.normal(size=3000)
+    part = Part(error[:, None], slope[:, None, None], np.zeros((3000, 1, 0)), 50.0)
+    assert float(covariance([part])[0, 0]) >= float(by_bands([part])[0, 0])
