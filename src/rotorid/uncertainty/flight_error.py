@@ -362,8 +362,9 @@ def _curve_parts(
         slopes = np.zeros((1, 3, parts[0].slopes.shape[2]))
         slopes[0, 0, places[:count]] = powers[:count] / (usual * thrust)
         residual = np.zeros((1, 3))
-        curve = np.array([fit.values[name] for name in CURVE_TERMS[:count]])
-        residual[0, 0] = max(1.0, abs(float(powers[:count] @ curve)) / (usual * thrust))
+        # No curve has a constant part by itself, so that one is the error of what is usual; of a line some have all.
+        here = abs(fit.values["c_0"]) / (usual * thrust) if count == 1 else 1.0
+        residual[0, 0] = max(1.0, here)
         found.append(Part(residual, slopes, np.zeros((1, 3, 0)), parts[0].sample_rate_hz))
     return found
 
