@@ -18,6 +18,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.flight.fitted import FittedFlight, fitted_bounds, fitted_parameters
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
+from rotorid.fitting.flight.ladder import LINE
 from rotorid.flights.flight_data import FlightMotion, given_spans
 from rotorid.flights.tilt_drag import tilt_drag_of
 from rotorid.models.flight import FLIGHT_PARAMETERS
@@ -93,7 +94,7 @@ def coefficient_of(drag: Quantity, fit: FlightFit) -> Quantity:
 
 
 def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:
-    """The fit with a curve of outputs, or with a square where that curve is none of a rotor.
+    """The fit with a curve of outputs, or where that is none of a rotor, with a line of demands or a square of outputs.
 
     Thrust that falls with the output, or is none at full output, is of a flight whose thrust hardly moved.
     """
@@ -101,6 +102,12 @@ def _fitted(data: FlightMotion, choices: FlightChoices) -> FlightFit:
         fit = _bounded(data, choices)
         if _rises(data, fit):
             return fit
+    if choices.straight:
+        # The parameters of the autopilot say more of the curve than such a flight.
+        with contextlib.suppress(ModelError):
+            fit = _bounded(data, replace(choices, values={**LINE, **choices.values}))
+            if _rises(data, fit):
+                return fit
     square = replace(choices, terms=tuple(name for name in FLIGHT_PARAMETERS if name != "c_1"))
     try:
         return _bounded(data, square)

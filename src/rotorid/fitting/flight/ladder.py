@@ -72,6 +72,9 @@ _SUPERFLUOUS = "later terms do the same"
 USUAL_BEND, USUAL_REST = 0.5, 0.03
 """Parts of thrust at the mean output that go with the output and that are constant: about zero, as surely as this."""
 
+LINE: Mapping[str, float] = {"c_0": 0.0, "c_2": 0.0}
+"""What of a curve is known of thrust that follows the outputs in a line."""
+
 _MOTOR_LAGS_S = (0.005, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.13, 0.19)
 _CUTOFFS_HZ = tuple(float(value) for value in np.geomspace(3.0, 24.0, 13))
 _MOTOR_LAG_S = 0.04
@@ -235,7 +238,10 @@ class _Search:
         self.measured = all(record.between == "lines" for record in records)
         self.names: list[str] = []
         self.motor_lag_shown = False
-        self.shaped = not (self.measured or any(term in choices.known for term in CURVE_TERMS)) and (
+        self.line = LINE.items() <= choices.known.items() and "c_1" not in choices.known
+        """Whether thrust is a line of the outputs through zero."""
+        known_curve = any(term in choices.known for term in CURVE_TERMS) and not self.line
+        self.shaped = not (self.measured or known_curve) and (
             choices.terms is None or "c_1" in choices.terms or not choices.terms
         )
         """Whether the thrust curve of outputs is sought."""
@@ -382,7 +388,7 @@ class _Search:
         if self.tied:
             free = [name for name in free if name != "c_lambda"]
         mixed = np.array([[float(name == one) for one in free] for name in names]).reshape(len(names), len(free))
-        if self.shaped:
+        if self.shaped and not self.line:
             u = self.level
             to = np.array([[1.0, 0.0, 0.0], [-1.0 / u, 1.0 / u, 0.0], [0.0, -1.0 / u**2, 1.0 / u**2]])
             rows, columns = ([of.index(term) for term in CURVE_TERMS] for of in (list(names), free))
@@ -405,6 +411,9 @@ class _Search:
         if self.shaped:
             share = _USUAL_SHARE if self.choices.kind != "none" else 1.0
             thrust = share * self.load_n
+        if self.shaped and self.line:
+            curve = {"c_1": Prior(thrust / self.level, 0.3 * thrust / self.level)}
+        elif self.shaped:
             curve = {
                 "c_0": Prior(0.0, USUAL_REST * thrust),
                 # About a line where the autopilot takes the curve out, else about a square.

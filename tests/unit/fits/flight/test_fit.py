@@ -9,6 +9,7 @@ import pytest
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.flight import fit
 from rotorid.fitting.flight.fit import FlightChoices
+from rotorid.fitting.flight.ladder import LINE
 from rotorid.flights.flight_data import FlightMotion
 
 
@@ -24,6 +25,17 @@ def test_a_curve_that_lifts_nothing_gives_way_to_a_square(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(fit, "_bounded", bounded)
     assert cast(Any, fit._fitted(cast(FlightMotion, _Nothing()), FlightChoices())) == "of a square"
+
+
+def test_demands_give_way_to_the_line_that_the_autopilot_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bounded(_: object, choices: FlightChoices) -> object:
+        if not LINE.items() <= choices.values.items():
+            raise ModelError("the rotors of these values cannot carry the weight")
+        return "of a line"
+
+    monkeypatch.setattr(fit, "_bounded", bounded)
+    monkeypatch.setattr(fit, "_rises", lambda *_: True)
+    assert cast(Any, fit._fitted(cast(FlightMotion, _Nothing()), FlightChoices(straight=True))) == "of a line"
 
 
 def test_rotors_that_lift_nothing_at_all_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

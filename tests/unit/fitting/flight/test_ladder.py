@@ -9,7 +9,7 @@ import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.force import through_sensor
-from rotorid.fitting.flight.ladder import ForceChoices, ForceFit, _Search, fit_force
+from rotorid.fitting.flight.ladder import LINE, ForceChoices, ForceFit, _Search, fit_force
 from rotorid.fitting.flight.motion import VelocityClass, motion, rotor_speeds
 from rotorid.frames import earth_to_body
 from rotorid.models.flight import Airframe, felt, flight_loads
@@ -134,6 +134,15 @@ def test_the_curve_of_demands_is_about_the_line_that_the_autopilot_makes_of_it()
     }
     assert priors[False]["c_1"].mean == 0.0
     assert priors[True]["c_1"].mean == priors[True]["c_2"].mean > 0.0
+
+
+def test_a_line_through_zero_is_fitted_where_it_is_known_to_be_one() -> None:
+    truth = {**OUTPUTS, "c_1": 6.0, "c_2": 0.0}
+    found = fitted(flown(12, truth), **LINE)
+    assert found.values["c_1"] == pytest.approx(6.0, rel=0.03)
+    assert (found.values["c_0"], found.values["c_2"]) == (0.0, 0.0)
+    assert found.values["k_d"] == pytest.approx(0.06, rel=0.03)
+    assert {"c_0", "c_2"}.isdisjoint(found.free)
 
 
 def test_hover_ties_inflow_to_thrust_and_shows_no_drag() -> None:
