@@ -14,6 +14,7 @@ import numpy as np
 
 from rotorid.autopilots.advice import channel_advice
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places
 from rotorid.errors import InsufficientDataError
@@ -294,30 +295,24 @@ def _bursts(
 
 
 def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
+    """Channels that were logged too slowly, those of one rate together."""
     fastest = max(rates.values())
-    slow = [
-        warn(
-            "rate_too_low",
-            name,
-            f"{name} was logged at {rate:.3g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a "
-            "small multirotor can be seen.",
-            rate_hz=rate,
-            needed_hz=LOWEST_RATE_HZ,
-        )
-        for name, rate in rates.items()
-        if rate < LOWEST_RATE_HZ
-    ]
-    return slow + [
-        warn(
-            "rate_too_low",
-            name,
-            f"{name} was logged at {rate:.0f} Hz, others at {fastest:.0f} Hz; raise its logging rate.",
-            rate_hz=rate,
-            fastest_hz=fastest,
-        )
-        for name, rate in rates.items()
-        if LOWEST_RATE_HZ <= rate < 0.6 * fastest
-    ]
+    alike: dict[float, list[str]] = {}
+    for name, rate in rates.items():
+        alike.setdefault(float(f"{rate:.3g}"), []).append(name)
+    slow, slower = [], []
+    for rate, names in alike.items():
+        where, were = ", ".join(names), f"{listed(names)} {'was' if len(names) == 1 else 'were'}"
+        if rate < LOWEST_RATE_HZ:
+            message = (
+                f"{were} logged at {rate:g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a small "
+                "multirotor can be seen."
+            )
+            slow.append(warn("rate_too_low", where, message, rate_hz=rates[names[0]], needed_hz=LOWEST_RATE_HZ))
+        elif rate < 0.6 * fastest:
+            message = f"{were} logged at {rate:.0f} Hz, others at {fastest:.0f} Hz; raise the logging rate."
+            slower.append(warn("rate_too_low", where, message, rate_hz=rates[names[0]], fastest_hz=fastest))
+    return slow + slower
 
 
 def _holes(
