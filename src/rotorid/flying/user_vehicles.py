@@ -186,7 +186,7 @@ def own_vehicle(
         joined=joined,
         aircraft=craft,
         like=like.name,
-        taken=(*words, *taken, "noise of the sensors"),
+        taken=(*words, *taken, *_sensor_words(joined, like.sensors)),
         answers=tuple(axis for axis, (moment, _) in ANSWERS.items() if joined.numbers[moment].source != "default"),
     )
 
@@ -196,6 +196,13 @@ def _sensors(joined: JoinedVehicle, usual: Sensors) -> Sensors:
     places = zip(PLACE, usual.accelerometer_place_m, strict=True)
     x, y, z = (joined.numbers[name].value if name in joined.numbers else other for name, other in places)
     return replace(usual, accelerometer_place_m=(x, y, z))
+
+
+def _sensor_words(joined: JoinedVehicle, usual: Sensors) -> list[str]:
+    """What of the sensors is that of another vehicle."""
+    places = zip(PLACE, usual.accelerometer_place_m, strict=True)
+    placed = any(place_m and name not in joined.numbers for name, place_m in places)
+    return ["noise of the sensors", *(["the place of the accelerometer"] if placed else [])]
 
 
 def _identified(model: IdentifiedModel, name: str) -> bool:
@@ -216,7 +223,8 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
         own = with_gains(like, gains, source="the log").autopilot
     else:
         taken.append("gains and filters")
-    own = replace(own, delay_s=delays_of(joined, replace(like, vehicle=body, autopilot=own)))
+    delays_s, assumed = delays_of(joined, replace(like, vehicle=body, autopilot=own))
+    own, taken = replace(own, delay_s=delays_s), [*taken, *assumed]
     known = [model.motors for model in joined.models if model.motors is not None]
     if any(physics.outputs == "thrust_demand" and physics.straightening is not None for physics in known):
         taken.append("no curve from demand to output: the logs knew demands of thrust, and outputs here are these")

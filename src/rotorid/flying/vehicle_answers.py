@@ -212,25 +212,37 @@ def answer_remarks(craft: Aircraft, models: Sequence[IdentifiedModel]) -> list[F
     return remarks
 
 
-def delays_of(joined: JoinedVehicle, craft: Aircraft) -> tuple[float, float, float, float]:
-    """Delays of the commands of roll, pitch, yaw and thrust: given ones, else those of results, else usual ones."""
-    each = []
+def delays_of(joined: JoinedVehicle, craft: Aircraft) -> tuple[tuple[float, float, float, float], list[str]]:
+    """Delays of the commands of roll, pitch, yaw and thrust, and which of them are assumed, in words.
+
+    Given ones come first, then those of results for the axis, then that of another axis, then usual ones.
+    """
+    numbers, hold_s = joined.numbers, 0.5 / craft.autopilot.rate_hz
+    whole = numbers.get("delay")
+    known = {axis: number for axis in AXES if (number := numbers.get(f"delay_{axis}")) is not None}
+    path = {
+        axis: number.value - hold_s - (0.0 if filters_known(joined.models, axis) else logged_late_s(craft, axis))
+        for axis, number in known.items()
+        if number.source != "given"
+    }
+    each, assumed = [], []
     for place, axis in enumerate(AXES):
-        own, whole = joined.numbers.get(f"delay_{axis}"), joined.numbers.get("delay")
-        if own is not None and own.source == "given":
-            each.append(own.value)
+        if axis in known and axis not in path:
+            each.append(known[axis].value)
         elif whole is not None and whole.source == "given":
             each.append(whole.value)
-        elif own is not None and own.source != "default":
-            hold_s = 0.5 / craft.autopilot.rate_hz
-            shown_s = 0.0 if filters_known(joined.models, axis) else logged_late_s(craft, axis)
-            each.append(own.value - hold_s - shown_s)
-        elif whole is not None and whole.source != "default" and any(model.motors for model in joined.models):
+        elif axis in path:
+            each.append(path[axis])
+        elif path:
+            other, late_s = next(iter(path.items()))
+            each.append(late_s)
+            assumed.append(f"delay of {axis}: that of {other}")
+        elif whole is not None and whole.source != "default":
             each.append(whole.value)
         else:
             each.append(craft.autopilot.delay_s[place])
     roll, pitch, yaw, thrust = (max(delay_s, 0.0) for delay_s in each)
-    return roll, pitch, yaw, thrust
+    return (roll, pitch, yaw, thrust), assumed
 
 
 def filters_known(models: Sequence[IdentifiedModel], axis: str) -> bool:

@@ -11,7 +11,9 @@ from tests.unit.flying.test_vehicle_twins import body_numbers
 from tests.unit.flying.vehicle_twins import derivatives_of, hover_physics, twin_of
 
 from rotorid.documents.result import save
-from rotorid.documents.vehicle import parse_vehicle
+from rotorid.documents.vehicle import named_vehicle, parse_vehicle
+from rotorid.flying.settings import DesignSettings, SimulateSettings
+from rotorid.flying.simulation import truth_of
 
 LIKE = "px4_quad"
 TRUTH = body_numbers(twin_of(LIKE))
@@ -42,14 +44,16 @@ def test_a_vehicle_file_has_the_numbers_of_the_result_with_their_sources(physics
     assert [line for line in head.split("Taken from px4_quad:")[1].splitlines() if " = " in line] == []
 
 
-def test_a_simulated_flight_is_one_of_the_vehicle(physics: Path, tmp_path: Path) -> None:
-    """The truth that ``simulate`` states is that of the twin, and its log flies."""
-    out = tmp_path / "flown"
-    ran = rotorid("simulate", physics, "--like", LIKE, "--plan", "none", "--duration", "1", "--out", out)
-    assert ran.code == 0
-    truth = json.loads((out / "simulation.json").read_text())["truth"]
-    assert truth["M_pitch"]["value"] == pytest.approx(355.08882, rel=1e-5)
-    assert truth["T_motor"]["value"] == pytest.approx(TRUTH["T_motor"])
+def test_simulations_and_designs_have_the_vehicle_of_the_result(physics: Path) -> None:
+    """What ``simulate`` and ``design`` fly is the twin, and so is the truth that is stated for its logs."""
+    named = named_vehicle([str(physics)], like=LIKE)
+    choices = DesignSettings(vehicle=named.entry, own=named.own, kinds=("logarithmic_sweep",))
+    for craft in (SimulateSettings(vehicle=named.entry).aircraft, choices.craft):
+        assert body_numbers(craft) == pytest.approx(TRUTH, rel=1e-6)
+        truth = truth_of(craft)
+        assert truth["M_pitch"].value == pytest.approx(355.08882, rel=1e-5)
+        assert truth["T_motor"].value == pytest.approx(TRUTH["T_motor"])
+    assert "physical.hover" in named.entry.summary
 
 
 def test_an_export_takes_what_ratios_leave_open_from_a_similar_vehicle_and_says_so(

@@ -121,6 +121,12 @@ def test_delays_of_each_axis_are_its_own_and_one_given_is_that_of_all() -> None:
     assert own.aircraft.autopilot.delay_s == (0.02, 0.02, 0.03, 0.02)
 
 
+def test_an_axis_of_unknown_delay_has_that_of_another_axis() -> None:
+    own = own_vehicle([derivatives_of(twin_of("px4_quad"), "axis.pitch")], like=aircraft("px4_quad"), name="mine")
+    assert own.aircraft.autopilot.delay_s == pytest.approx((0.002,) * 4)
+    assert "delay of yaw: that of pitch" in own.taken
+
+
 def test_a_result_without_its_rotors_has_those_of_the_similar_vehicle_on_its_own_arm() -> None:
     craft = twin_of("px4_quad")
     model = replace(hover_physics(craft), rotors=None)
