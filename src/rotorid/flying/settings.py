@@ -682,7 +682,13 @@ class DesignSettings(Immutable):
         if self.gyro_noise_rad_s is not None:
             craft = replace(craft, sensors=replace(craft.sensors, gyro_noise_rad_s=self.gyro_noise_rad_s))
         if self.hover_throttle is not None:
-            craft = hovering_at(craft, self.hover_throttle, answers=self.own.answers if self.own is not None else ())
+            own = self.own
+            craft = hovering_at(
+                craft,
+                self.hover_throttle,
+                answers=own.answers if own is not None else (),
+                slope_known=own is not None and own.has_thrust_slope,
+            )
         return craft
 
     @property

@@ -22,8 +22,8 @@ from rotorid.flying.known_by_results import layout_of_result
 from rotorid.flying.vehicle_air import PLACE
 from rotorid.flying.vehicle_answers import ANSWERS, answer_remarks, answering, delays_of
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle, require
-from rotorid.flying.vehicle_hover import knows_hover
-from rotorid.flying.vehicle_numbers import MOTION, UNITS, VehicleNumber
+from rotorid.flying.vehicle_hover import curve_through, knows_hover
+from rotorid.flying.vehicle_numbers import MOTION, TERMS, UNITS, VehicleNumber
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.autopilot import Autopilot
@@ -80,6 +80,12 @@ class OwnVehicle(Immutable):
     def has_motors(self) -> bool:
         """Whether thrust and hover are those of the results, and not of the other vehicle."""
         return any(model.motors is not None or knows_hover(model) for model in self.joined.models)
+
+    @property
+    def has_thrust_slope(self) -> bool:
+        """Whether thrust is known by its slope alone, from what a command of it makes, and hover is assumed."""
+        numbers = self.joined.numbers
+        return not self.has_motors and any(numbers[term].source == "derived" for term in TERMS if term in numbers)
 
 
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:
@@ -271,7 +277,9 @@ def _logged(own: Autopilot, layout: RotorLayout, line: Linearization) -> dict[st
 _TURNS, _CLOSE = 20, 1e-6
 
 
-def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = ()) -> Aircraft:
+def hovering_at(
+    craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (), slope_known: bool = False
+) -> Aircraft:
     """A vehicle whose rotors are as strong as one that hovers at a throttle.
 
     Parameters
@@ -280,6 +288,9 @@ def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (
         Thrust command in hover, from zero to one.
     answers
         Axes whose answer to a command is known and stays; others answer as much more as the rotors are stronger.
+    slope_known
+        Whether the slope of thrust in hover is known and stays, and with it the answers of all axes: the curve is then
+        the one of :mod:`rotorid.flying.vehicle_hover` through both.
 
     Examples
     --------
@@ -289,6 +300,8 @@ def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (
     0.3
     """
     thrust, factor, found = AXES.index("thrust"), 1.0, craft
+    if slope_known:
+        return _hovering_with_slope(craft, throttle)
     for _ in range(_TURNS):
         hovers = float(found.autopilot.hover_commands(found.vehicle)[thrust])
         if abs(hovers / throttle - 1.0) < _CLOSE:
@@ -298,6 +311,23 @@ def hovering_at(craft: Aircraft, throttle: float, *, answers: Sequence[Axis] = (
     inertia = dict(zip(("I_xx", "I_yy", "I_zz"), craft.vehicle.inertia_kg_m2.diagonal().tolist(), strict=True))
     kept = {ANSWERS[axis][0]: factor * inertia[ANSWERS[axis][0]] for axis in answers}
     found = changed(found, kept)
+    return replace(found, autopilot=_hovering(found.autopilot, found.vehicle, craft))
+
+
+def _hovering_with_slope(craft: Aircraft, throttle: float) -> Aircraft:
+    """A vehicle that hovers at a throttle with the slope of thrust that it has."""
+    body, thrust = craft.vehicle, AXES.index("thrust")
+    rotors, share, found = body.rotors, throttle, craft
+    weight_n = body.mass_kg * STANDARD_GRAVITY_M_S2 / rotors.layout.rotors
+    before = rotors.share_of(weight_n)
+    slope_n = rotors.thrust[1] + 2.0 * before * rotors.thrust[2]
+    for _ in range(_TURNS):
+        other = replace(rotors, thrust=curve_through(weight_n, slope_n, share))
+        found = replace(craft, vehicle=replace(body, rotors=other))
+        hovers = float(found.autopilot.hover_commands(found.vehicle)[thrust])
+        if abs(hovers / throttle - 1.0) < _CLOSE:
+            break
+        share *= throttle / hovers
     return replace(found, autopilot=_hovering(found.autopilot, found.vehicle, craft))
 
 

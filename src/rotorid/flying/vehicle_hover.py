@@ -183,7 +183,7 @@ def _assumed_hover(weight_n: float, slope_n: float) -> float:
     return 2.0 * weight_n / slope_n if 2.0 * weight_n / slope_n <= _MOST_HOVER else weight_n / slope_n
 
 
-def _curve(weight_n: float, slope_n: float, hover: float) -> tuple[float, float, float]:
+def curve_through(weight_n: float, slope_n: float, hover: float) -> tuple[float, float, float]:
     """Coefficients of a thrust that has its value and its slope in hover; see the head."""
     share = slope_n * hover / weight_n
     if share < 1.0:
@@ -200,7 +200,7 @@ def _followed(
     scale, length = known.get("m", of["m"]) / of["m"], known.get("arm", of["l"]) / of["l"]
     weight_n, slope_n, speed = _hover(of, count)
     hover = _assumed_hover(weight_n, slope_n) if output is None else output
-    c_0, c_1, c_2 = _curve(weight_n, slope_n, hover)
+    c_0, c_1, c_2 = curve_through(weight_n, slope_n, hover)
     found = {"m": scale * of["m"], "arm": length * of["l"]}
     found |= {name: scale * length * of[name] for name in ("I_xx", "I_yy") if name in of}
     found |= {"c_0": scale * c_0, "c_1": scale * c_1, "c_2": scale * c_2}

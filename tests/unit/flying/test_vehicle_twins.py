@@ -9,7 +9,7 @@ from tests.unit.flying.vehicle_twins import LIBRARY, derivatives_of, hover_physi
 
 from rotorid.documents.vehicle import parse_vehicle, vehicle_toml
 from rotorid.flying.simulation import truth_of
-from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
+from rotorid.flying.user_vehicles import OwnVehicle, hovering_at, own_vehicle
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor_flight import Aircraft
@@ -119,6 +119,18 @@ def test_delays_of_each_axis_are_its_own_and_one_given_is_that_of_all() -> None:
     model = hover_physics(craft)
     own = own_vehicle([model], like=aircraft("px4_quad"), given={"delay": 0.02, "delay_yaw": 0.03}, name="mine")
     assert own.aircraft.autopilot.delay_s == (0.02, 0.02, 0.03, 0.02)
+
+
+def test_a_logged_hover_throttle_and_known_answers_are_both_kept() -> None:
+    craft = twin_of("px4_quad")
+    results = [derivatives_of(craft, model) for model in ("hover.longitudinal", "hover.lateral")]
+    own = own_vehicle(results, like=aircraft("px4_quad"), name="mine")
+    assert own.has_thrust_slope
+    hovers = hovering_at(own.aircraft, 0.3, answers=own.answers, slope_known=True)
+    assert float(hovers.autopilot.hover_commands(hovers.vehicle)[-1]) == pytest.approx(0.3)
+    built, truth = (hover_derivatives_of(made.vehicle, made.autopilot) for made in (hovers, craft))
+    for key in CONTROLS:
+        assert built[key] == pytest.approx(truth[key], rel=EXACT), key
 
 
 def test_an_axis_of_unknown_delay_has_that_of_another_axis() -> None:
