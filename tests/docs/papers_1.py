@@ -59,7 +59,9 @@ def misfit(runs: Runs, run: str, which: str) -> float:
     """Root mean square of a response over the true one, in its own errors, which real and imaginary part have each."""
     file = runs[run].arrays()
     inputs, used = [str(name) for name in file["inputs"]], file["used" if "used" in file else "fitted"][0]
-    true = library_model("rig.roll").matrices({name: truth("rig", name)(runs) for name in ("J_x", "K_f", "L", "tau_3", "tau_4")})
+    true = library_model("rig.roll").matrices(
+        {name: truth("rig", name)(runs) for name in ("J_x", "K_f", "L", "tau_3", "tau_4")}
+    )
     exact = true.response(file["omega_rad_s"])[0][: len(inputs)]
     off = abs(file[which][0] / exact - 1.0)
     return float(np.sqrt(0.5 * np.mean((off[used] / file["random_error"][0][used]) ** 2)))
@@ -68,7 +70,9 @@ def misfit(runs: Runs, run: str, which: str) -> float:
 def rate_over_angle(runs: Runs) -> float:
     """Cross spectrum of roll angle and rate over j omega times the auto spectrum of the angle: kinematics say one."""
     record = rotorid.read(runs["rig"].folder / "flight.csv")
-    history = rotorid.resample(record, channels=("phi", "p"), start_s=0.0, stop_s=119.9, sample_rate_hz=100.0).histories[0]
+    history = rotorid.resample(
+        record, channels=("phi", "p"), start_s=0.0, stop_s=119.9, sample_rate_hz=100.0
+    ).histories[0]
     (matrix,), _ = spectral_matrices([history], np.linspace(0.5, 5.0, 40), windows_s=[40.0])
     return float(np.median((matrix.values[:, 0, 1] / (1j * matrix.omega_rad_s * matrix.values[:, 0, 0])).real))
 
@@ -83,7 +87,13 @@ LINES = (
     Line(
         "rig",
         "the experiment",
-        Number("record [s]", lambda runs: log_column(runs, "rig", "flight.csv", "time")[-1], paper=120.0, within=0.011, because="a sample"),
+        Number(
+            "record [s]",
+            lambda runs: log_column(runs, "rig", "flight.csv", "time")[-1],
+            paper=120.0,
+            within=0.011,
+            because="a sample",
+        ),
         Number(
             "sample rate [Hz]",
             lambda runs: float(1.0 / np.median(np.diff(log_column(runs, "rig", "flight.csv", "time")))),
@@ -92,7 +102,12 @@ LINES = (
         ),
         Number("J_x flown [kg m²]", truth("rig", "J_x"), paper=0.047, within=1e-9),
         Number("K_f flown [N/V]", truth("rig", "K_f"), paper=0.109, within=1e-9),
-        Fact("both motors are swept", lambda runs: all(np.ptp(log_column(runs, "rig", "flight.csv", name)) > 1.0 for name in ("motor_3", "motor_4"))),
+        Fact(
+            "both motors are swept",
+            lambda runs: all(
+                np.ptp(log_column(runs, "rig", "flight.csv", name)) > 1.0 for name in ("motor_3", "motor_4")
+            ),
+        ),
     ),
     Line(
         "sweep",
@@ -104,7 +119,12 @@ LINES = (
         "rig-response",
         "windows of 40, 60 and 71 s",
         *(
-            Number(f"window {place + 1} [s]", lambda runs, place=place: runs["rig-response"].document["windows_s"][place], paper=asked, within=0.5)
+            Number(
+                f"window {place + 1} [s]",
+                lambda runs, place=place: runs["rig-response"].document["windows_s"][place],
+                paper=asked,
+                within=0.5,
+            )
             for place, asked in enumerate(WINDOWS_S)
         ),
         Fact("each window has its share", composed),
@@ -113,33 +133,67 @@ LINES = (
         "rig-response",
         "auto and cross spectra",
         Number("response over truth, in its errors", lambda runs: misfit(runs, "rig-response", "values"), most=1.5),
-        Number("cross over auto spectrum of angle and rate", rate_over_angle, truth=1.0, within=0.02, because="noise of the angle of 5 %"),
+        Number(
+            "cross over auto spectrum of angle and rate",
+            rate_over_angle,
+            truth=1.0,
+            within=0.02,
+            because="noise of the angle of 5 %",
+        ),
     ),
     Line(
         "rig-response",
         "coherence, random error",
         *(
-            Number(f"mean coherence, {name}", field("rig-response", "pairs", f"phi/{name}", "mean_coherence"), least=0.6)
+            Number(
+                f"mean coherence, {name}", field("rig-response", "pairs", f"phi/{name}", "mean_coherence"), least=0.6
+            )
             for name in ("motor_3", "motor_4")
         ),
-        Number("response over truth, in its errors", lambda runs: misfit(runs, "rig-response", "values"), least=0.5, most=1.5),
+        Number(
+            "response over truth, in its errors",
+            lambda runs: misfit(runs, "rig-response", "values"),
+            least=0.5,
+            most=1.5,
+        ),
     ),
     Line(
         "rig-response",
         "figure of the composite response",
-        drawn("rig-response", "responses-motor_3", "measured", "± 2 σ", "magnitude", "phase", "coherence", panels=3, curves=3, bands=2),
+        drawn(
+            "rig-response",
+            "responses-motor_3",
+            "measured",
+            "± 2 σ",
+            "magnitude",
+            "phase",
+            "coherence",
+            panels=3,
+            curves=3,
+            bands=2,
+        ),
         Number(
             "band, high over low",
             lambda runs: float(np.divide(*runs["rig-response"].document["pairs"]["phi/motor_3"]["band_rad_s"][::-1])),
             least=10.0,
             because="a decade",
         ),
-        Fact("the table has both responses", lambda runs: {row["response"] for row in runs["rig-response"].table("responses")} >= {"phi/motor_3", "phi/motor_4"}),
+        Fact(
+            "the table has both responses",
+            lambda runs: (
+                {row["response"] for row in runs["rig-response"].table("responses")} >= {"phi/motor_3", "phi/motor_4"}
+            ),
+        ),
     ),
     Line(
         "rig-default",
         "rule for window lengths",
-        Number("longest window over the record", lambda runs: max(runs["rig-default"].document["windows_s"]) / 119.93, paper=0.2, most=0.2),
+        Number(
+            "longest window over the record",
+            lambda runs: max(runs["rig-default"].document["windows_s"]) / 119.93,
+            paper=0.2,
+            most=0.2,
+        ),
         Number(
             "shortest window in periods of 12 rad/s",
             lambda runs: min(runs["rig-default"].document["windows_s"]) * 12.0 / (2.0 * np.pi),
@@ -163,8 +217,10 @@ LINES = (
         ),
         Fact(
             "fewer points than by default",
-            lambda runs: runs["rig-coherent"].document["pairs"]["phi/motor_3"]["points"]
-            < runs["rig-default"].document["pairs"]["phi/motor_3"]["points"],
+            lambda runs: (
+                runs["rig-coherent"].document["pairs"]["phi/motor_3"]["points"]
+                < runs["rig-default"].document["pairs"]["phi/motor_3"]["points"]
+            ),
         ),
     ),
     Line(
@@ -176,7 +232,10 @@ LINES = (
         "rig-roll",
         "cost by response",
         Number("average cost", field("rig-roll", "cost", "average"), paper=85.3, most=100.0),
-        *(Number(f"cost of {name}", field("rig-roll", "cost", "pairs", f"phi/{name}", "value"), most=100.0) for name in ("motor_3", "motor_4")),
+        *(
+            Number(f"cost of {name}", field("rig-roll", "cost", "pairs", f"phi/{name}", "value"), most=100.0)
+            for name in ("motor_3", "motor_4")
+        ),
         Fact(
             "the average is that of the responses",
             lambda runs: np.isclose(
@@ -188,7 +247,12 @@ LINES = (
     Line(
         "rig-roll",
         "K-means, candidates",
-        Number("candidates", lambda runs: len(runs["rig-roll"].document["search"]["iterations"][0]["clusters"]), paper=3, within=0),
+        Number(
+            "candidates",
+            lambda runs: len(runs["rig-roll"].document["search"]["iterations"][0]["clusters"]),
+            paper=3,
+            within=0,
+        ),
         Fact(
             "every point belongs to a candidate",
             lambda runs: all(
@@ -204,11 +268,19 @@ LINES = (
         "first candidates",
         Fact(
             "the trace falls to the minimum",
-            lambda runs: runs["rig-roll"].document["search"]["trace"][-1][1]
-            <= 1.001 * runs["rig-roll"].document["search"]["minima"][0]["cost"]
-            < runs["rig-roll"].document["search"]["trace"][0][1],
+            lambda runs: (
+                runs["rig-roll"].document["search"]["trace"][-1][1]
+                <= 1.001 * runs["rig-roll"].document["search"]["minima"][0]["cost"]
+                < runs["rig-roll"].document["search"]["trace"][0][1]
+            ),
         ),
-        Number("K_f of the lowest minimum [N/V]", field("rig-roll", "search", "minima", 0, "parameters", "K_f"), truth=truth("rig", "K_f"), within=0.0022, because="2 %"),
+        Number(
+            "K_f of the lowest minimum [N/V]",
+            field("rig-roll", "search", "minima", 0, "parameters", "K_f"),
+            truth=truth("rig", "K_f"),
+            within=0.0022,
+            because="2 %",
+        ),
         drawn("rig-roll", "search-cost", curves=1),
     ),
     Line(
@@ -220,29 +292,47 @@ LINES = (
         Number("tau_4 [s]", parameter("rig-roll", "tau_4"), truth=truth("rig", "tau_4"), paper=0.1770),
         Fact(
             "tables hold the same",
-            lambda runs: np.isclose(float(runs["rig-roll"].table("matrix_G")[1]["motor_3"]), ratio(runs).value)
-            and np.isclose(1e-3 * float(runs["rig-roll"].table("delays")[0]["total_ms"]), runs["rig-roll"].document["parameters"]["tau_3"]["value"]),
+            lambda runs: (
+                np.isclose(float(runs["rig-roll"].table("matrix_G")[1]["motor_3"]), ratio(runs).value)
+                and np.isclose(
+                    1e-3 * float(runs["rig-roll"].table("delays")[0]["total_ms"]),
+                    runs["rig-roll"].document["parameters"]["tau_3"]["value"],
+                )
+            ),
         ),
     ),
     Line(
         "rig-roll",
         "table of J_X, K_f, cost",
         Number("K_f [N/V]", parameter("rig-roll", "K_f"), truth=truth("rig", "K_f"), paper=0.109),
-        Number("error of K_f [%]", lambda runs: 100.0 * abs(parameter("rig-roll", "K_f")(runs).value / truth("rig", "K_f")(runs) - 1.0), paper=8.2, most=8.2),
-        Fact("the table has them", lambda runs: {"J_x", "K_f"} <= {row["parameter"] for row in runs["rig-roll"].table("parameters")}),
+        Number(
+            "error of K_f [%]",
+            lambda runs: 100.0 * abs(parameter("rig-roll", "K_f")(runs).value / truth("rig", "K_f")(runs) - 1.0),
+            paper=8.2,
+            most=8.2,
+        ),
+        Fact(
+            "the table has them",
+            lambda runs: {"J_x", "K_f"} <= {row["parameter"] for row in runs["rig-roll"].table("parameters")},
+        ),
     ),
     Line(
         "rig-roll",
         "figure of magnitude and phase",
         *(
-            drawn("rig-roll", f"responses-{name}", "measured", "model", "magnitude", "phase", panels=3, curves=4, bands=2)
+            drawn(
+                "rig-roll", f"responses-{name}", "measured", "model", "magnitude", "phase", panels=3, curves=4, bands=2
+            )
             for name in ("motor_3", "motor_4")
         ),
     ),
     Line(
         "rig-roll",
         "model on an unseen flight",
-        *(Number(f"cost of {name}, unseen", field("rig-roll", "verification", "frequency", f"phi/{name}"), most=50.0) for name in ("motor_3", "motor_4")),
+        *(
+            Number(f"cost of {name}, unseen", field("rig-roll", "verification", "frequency", f"phi/{name}"), most=50.0)
+            for name in ("motor_3", "motor_4")
+        ),
     ),
     Line(
         "rig-both",
@@ -250,24 +340,49 @@ LINES = (
         has_kind("rig-both", "not_identifiable"),
         Number(
             "K_f/J_x, the only ratio",
-            lambda runs: runs["rig-both"].document["parameters"]["K_f"]["value"] / runs["rig-both"].document["parameters"]["J_x"]["value"],
+            lambda runs: (
+                runs["rig-both"].document["parameters"]["K_f"]["value"]
+                / runs["rig-both"].document["parameters"]["J_x"]["value"]
+            ),
             truth=lambda runs: truth("rig", "K_f")(runs) / truth("rig", "J_x")(runs),
             paper=0.109 / 0.047,
             within=0.05,
             because="2 %",
         ),
-        Number("error of J_x [%]", lambda runs: 100.0 * np.divide(*[runs["rig-both"].document["parameters"]["J_x"][key] for key in ("std", "value")]), least=100.0),
+        Number(
+            "error of J_x [%]",
+            lambda runs: (
+                100.0 * np.divide(*[runs["rig-both"].document["parameters"]["J_x"][key] for key in ("std", "value")])
+            ),
+            least=100.0,
+        ),
     ),
     Line(
         "rig-stopped",
         "stop at an average cost of 100",
-        Number("average cost where it stopped", lambda runs: runs["rig-stopped"].document["search"]["alone"]["cost"] / 2.0, paper=100.0, most=100.0),
-        Fact("earlier than without", lambda runs: runs["rig-stopped"].document["search"]["evaluations"] < runs["rig-roll"].document["search"]["evaluations"]),
+        Number(
+            "average cost where it stopped",
+            lambda runs: runs["rig-stopped"].document["search"]["alone"]["cost"] / 2.0,
+            paper=100.0,
+            most=100.0,
+        ),
+        Fact(
+            "earlier than without",
+            lambda runs: (
+                runs["rig-stopped"].document["search"]["evaluations"]
+                < runs["rig-roll"].document["search"]["evaluations"]
+            ),
+        ),
     ),
     Line(
         "rig-five",
         "k from 3 to 5",
-        Number("candidates", lambda runs: len(runs["rig-five"].document["search"]["iterations"][0]["clusters"]), paper=5, within=0),
+        Number(
+            "candidates",
+            lambda runs: len(runs["rig-five"].document["search"]["iterations"][0]["clusters"]),
+            paper=5,
+            within=0,
+        ),
         Number("K_f [N/V]", parameter("rig-five", "K_f"), truth=truth("rig", "K_f"), paper=0.109),
     ),
     Line(
@@ -279,7 +394,12 @@ LINES = (
     Line(
         "rig-noise",
         "artificial noise",
-        Number("K_f, spread over noise [N/V]", field("rig-noise", "bootstrap", "parameters", "K_f", "std"), truth=lambda runs: parameter("rig-noise", "K_f")(runs).std or 0.0, within=2e-4),
+        Number(
+            "K_f, spread over noise [N/V]",
+            field("rig-noise", "bootstrap", "parameters", "K_f", "std"),
+            truth=lambda runs: parameter("rig-noise", "K_f")(runs).std or 0.0,
+            within=2e-4,
+        ),
         Fact("noise is added to the log", lambda runs: "--add-noise" in runs["rig-noise"].log["command"]),
         pending="the run draws the noise of the log again; it adds none",
     ),
@@ -309,6 +429,11 @@ LINES = (
     Line(
         "rotorid models rig.roll",
         "roll alone",
-        printed("rotorid models rig.roll", "p' = L*K_f/J_x*motor_3 - L*K_f/J_x*motor_4", 'motor_3 = "tau_3"', 'motor_4 = "tau_4"'),
+        printed(
+            "rotorid models rig.roll",
+            "p' = L*K_f/J_x*motor_3 - L*K_f/J_x*motor_4",
+            'motor_3 = "tau_3"',
+            'motor_4 = "tau_4"',
+        ),
     ),
 )

@@ -39,7 +39,11 @@ def flown(runs: Runs, run: str, *names: str) -> np.ndarray:
 
 def mean_output(runs: Runs) -> float:
     """Mean output of the motors in the sweep of thrust, over that of hover."""
-    sweep = next(one for one in runs["hummingbird"].json("simulation.json")["maneuvers"] if one["axis"] == "thrust" and one["kind"] == "sweep")
+    sweep = next(
+        one
+        for one in runs["hummingbird"].json("simulation.json")["maneuvers"]
+        if one["axis"] == "thrust" and one["kind"] == "sweep"
+    )
     time_s, output = flown(runs, "hummingbird", "time", "motor_1")
     inside = (time_s >= sweep["start_s"]) & (time_s <= sweep["stop_s"])
     return float(output[inside].mean() / HOVER)
@@ -83,7 +87,10 @@ def misfit(runs: Runs, run: str, output: str, values: str = "values") -> float:
     system, names = true_pitch(runs), library_model("axis.pitch").outputs
     exact = system.response(file["omega_rad_s"])[[str(name) for name in names].index(output), 0]
     used = file["used"][y, 0]
-    off = abs(file[values][y, 0] / exact - 1.0) / file["random_error" if values == "values" else "direct_random_error"][y, 0]
+    off = (
+        abs(file[values][y, 0] / exact - 1.0)
+        / file["random_error" if values == "values" else "direct_random_error"][y, 0]
+    )
     return float(np.sqrt(0.5 * np.mean(off[used] ** 2)))
 
 
@@ -117,15 +124,21 @@ def lean(runs: Runs) -> float:
 
 
 def in_table(run: str, table: str, key: str, *names: str) -> Fact:
-    return Fact(f"{run}/tables/{table} has {names}", lambda runs: set(names) <= {row[key] for row in runs[run].table(table)})
+    return Fact(
+        f"{run}/tables/{table} has {names}", lambda runs: set(names) <= {row[key] for row in runs[run].table(table)}
+    )
 
 
 def ranged(run: str, pair: str, low: float, high: float) -> tuple[Number, Number]:
     """The band of a response is the one that was asked for, to a tenth."""
     path = ("cost", "pairs", pair, "band_rad_s")
     return (
-        Number(f"{pair}, from [rad/s]", field(run, *path, 0), paper=low, within=0.1 * low, because="points of the grid"),
-        Number(f"{pair}, to [rad/s]", field(run, *path, 1), paper=high, within=0.1 * high, because="points of the grid"),
+        Number(
+            f"{pair}, from [rad/s]", field(run, *path, 0), paper=low, within=0.1 * low, because="points of the grid"
+        ),
+        Number(
+            f"{pair}, to [rad/s]", field(run, *path, 1), paper=high, within=0.1 * high, because="points of the grid"
+        ),
     )
 
 
@@ -135,7 +148,12 @@ LINES = (
     Line(
         "hummingbird-gusts",
         "bias of feedback, simulated",
-        Number("gusts, rms of the wind [m/s]", lambda runs: runs["hummingbird-gusts"].json("simulation.json")["provenance"]["settings"]["turbulence_m_s"], paper=0.5, within=1e-9),
+        Number(
+            "gusts, rms of the wind [m/s]",
+            lambda runs: runs["hummingbird-gusts"].json("simulation.json")["provenance"]["settings"]["turbulence_m_s"],
+            paper=0.5,
+            within=1e-9,
+        ),
         Number("largest bias of the direct response [dB]", lambda runs: direct_bias(runs, "values"), least=1.0),
     ),
     Line(
@@ -152,10 +170,22 @@ LINES = (
     Line(
         "hummingbird-plan",
         "fig 4",
-        Number("pilot, to [Hz]", lambda runs: plan(runs, "pilot_sweep")["band_rad_s"][1] / (2.0 * np.pi), paper=2.0, within=0.02),
+        Number(
+            "pilot, to [Hz]",
+            lambda runs: plan(runs, "pilot_sweep")["band_rad_s"][1] / (2.0 * np.pi),
+            paper=2.0,
+            within=0.02,
+        ),
         pending="one band for both sweeps",
     ),
-    Line("pitch", "fig 1", Fact("the page has responses, parameters, verification", lambda runs: all(word in runs["pitch"].text("report.html") for word in ("M_pitch", "coherence", "doublet")))),
+    Line(
+        "pitch",
+        "fig 1",
+        Fact(
+            "the page has responses, parameters, verification",
+            lambda runs: all(word in runs["pitch"].text("report.html") for word in ("M_pitch", "coherence", "doublet")),
+        ),
+    ),
     Line(
         "pitch",
         "eqs 13, 14",
@@ -164,17 +194,32 @@ LINES = (
         Number(
             "average cost",
             field("pitch", "cost", "average"),
-            truth=lambda runs: float(np.mean([one["value"] for one in runs["pitch"].document["cost"]["pairs"].values()])),
+            truth=lambda runs: float(
+                np.mean([one["value"] for one in runs["pitch"].document["cost"]["pairs"].values()])
+            ),
             within=1e-9,
         ),
     ),
     Line(
         "pitch",
         "Cramér–Rao bounds, removed",
-        Number("Cramér–Rao of M_pitch [%]", field("pitch", "parameters", "M_pitch", "cramer_rao_percent"), paper=6.025, most=20.0),
-        Number("Cramér–Rao of M_u [%]", field("pitch", "parameters", "M_u", "cramer_rao_percent"), paper=8.77, most=20.0),
-        Fact("tau_ax, which the twin lacks, is removed", lambda runs: runs["pitch"].document["parameters"]["tau_ax"]["status"] == "dropped"),
-        Fact("M_q and X_q, which the twin has, stay", lambda runs: all(runs["pitch"].document["parameters"][name]["status"] == "free" for name in ("M_q", "X_q"))),
+        Number(
+            "Cramér–Rao of M_pitch [%]",
+            field("pitch", "parameters", "M_pitch", "cramer_rao_percent"),
+            paper=6.025,
+            most=20.0,
+        ),
+        Number(
+            "Cramér–Rao of M_u [%]", field("pitch", "parameters", "M_u", "cramer_rao_percent"), paper=8.77, most=20.0
+        ),
+        Fact(
+            "tau_ax, which the twin lacks, is removed",
+            lambda runs: runs["pitch"].document["parameters"]["tau_ax"]["status"] == "dropped",
+        ),
+        Fact(
+            "M_q and X_q, which the twin has, stay",
+            lambda runs: all(runs["pitch"].document["parameters"][name]["status"] == "free" for name in ("M_q", "X_q")),
+        ),
         in_table("pitch", "parameters", "parameter", *PITCH_NAMES),
     ),
     Line(
@@ -183,11 +228,18 @@ LINES = (
         Fact(
             "each check has trim, biases and reference shifts",
             lambda runs: all(
-                {"scores", "biases", "trim"} <= set(one) and all("reference_shift" in score for score in one["scores"].values())
+                {"scores", "biases", "trim"} <= set(one)
+                and all("reference_shift" in score for score in one["scores"].values())
                 for one in runs["pitch"].document["verification"]["maneuvers"]
             ),
         ),
-        Number("q explained, unseen [%]", lambda runs: min(one["scores"]["q"]["nrmse_fit_percent"] for one in runs["pitch"].document["verification"]["maneuvers"]), least=80.0),
+        Number(
+            "q explained, unseen [%]",
+            lambda runs: min(
+                one["scores"]["q"]["nrmse_fit_percent"] for one in runs["pitch"].document["verification"]["maneuvers"]
+            ),
+            least=80.0,
+        ),
     ),
     Line(
         "pitch",
@@ -199,13 +251,24 @@ LINES = (
         "eqs 16 to 18",
         Fact(
             "F and G have u, q, theta and the derivatives",
-            lambda runs: np.isclose(
-                float(next(row for row in runs["pitch"].table("matrix_F") if row["state"] == "q")["u"]),
-                runs["pitch"].document["parameters"]["M_u"]["value"],
-            )
-            and np.isclose(float(next(row for row in runs["pitch"].table("matrix_F") if row["state"] == "u")["theta"]), -9.80665),
+            lambda runs: (
+                np.isclose(
+                    float(next(row for row in runs["pitch"].table("matrix_F") if row["state"] == "q")["u"]),
+                    runs["pitch"].document["parameters"]["M_u"]["value"],
+                )
+                and np.isclose(
+                    float(next(row for row in runs["pitch"].table("matrix_F") if row["state"] == "u")["theta"]),
+                    -9.80665,
+                )
+            ),
         ),
-        Number("H1, a_x over q' [m]", lambda runs: -runs["pitch"].document["matrices"]["H1"][1][0], truth=hummingbird.PITCH["z_imu"], within=0.0007, because="5 %"),
+        Number(
+            "H1, a_x over q' [m]",
+            lambda runs: -runs["pitch"].document["matrices"]["H1"][1][0],
+            truth=hummingbird.PITCH["z_imu"],
+            within=0.0007,
+            because="5 %",
+        ),
     ),
     Line(
         "pitch",
@@ -217,13 +280,27 @@ LINES = (
     Line(
         "pitch",
         "table 5, costs and ranges",
-        *(Number(f"cost of {name}", field(run, "cost", "pairs", pair, "value"), paper=cost, most=50.0) for name, run, pair, cost in (
-            ("q", "pitch", "q/pitch_command", 56.44),
-            ("a_x", "pitch", "ax/pitch_command", 46.68),
-            ("r", "yaw", "r/yaw_command", 34.37),
-            ("a_z", "heave", "az/thrust_command", 38.79),
-        )),
-        drawn("pitch", "responses-pitch_command", "measured", "model", "magnitude", "phase", "coherence", panels=6, curves=8, bands=4),
+        *(
+            Number(f"cost of {name}", field(run, "cost", "pairs", pair, "value"), paper=cost, most=50.0)
+            for name, run, pair, cost in (
+                ("q", "pitch", "q/pitch_command", 56.44),
+                ("a_x", "pitch", "ax/pitch_command", 46.68),
+                ("r", "yaw", "r/yaw_command", 34.37),
+                ("a_z", "heave", "az/thrust_command", 38.79),
+            )
+        ),
+        drawn(
+            "pitch",
+            "responses-pitch_command",
+            "measured",
+            "model",
+            "magnitude",
+            "phase",
+            "coherence",
+            panels=6,
+            curves=8,
+            bands=4,
+        ),
     ),
     Line(
         "pitch",
@@ -236,20 +313,35 @@ LINES = (
         "pitch",
         "fig 8, doublets",
         drawn("pitch", "check-0", "measured", panels=2, curves=3),
-        Number("q is predicted for [s]", lambda runs: min(one["holds_s"]["q"] for one in runs["pitch"].document["verification"]["maneuvers"]), least=0.5),
-        Fact("each has a verdict", lambda runs: all(one["verdict"] == "good" for one in runs["pitch"].document["verification"]["maneuvers"])),
+        Number(
+            "q is predicted for [s]",
+            lambda runs: min(one["holds_s"]["q"] for one in runs["pitch"].document["verification"]["maneuvers"]),
+            least=0.5,
+        ),
+        Fact(
+            "each has a verdict",
+            lambda runs: all(one["verdict"] == "good" for one in runs["pitch"].document["verification"]["maneuvers"]),
+        ),
     ),
     Line(
         "yaw",
         "fig 5, eq 19",
-        *(Number(name, parameter("yaw", name), truth=truth("hummingbird", name)) for name in ("N_yaw", "N_spin", "N_r", "tau_yaw", "T_motor")),
+        *(
+            Number(name, parameter("yaw", name), truth=truth("hummingbird", name))
+            for name in ("N_yaw", "N_spin", "N_r", "tau_yaw", "T_motor")
+        ),
         Number("pole of the motor [1/s]", derived("yaw-known", "M_motor_omega"), truth=-42.21, paper=-42.21),
         in_table("yaw", "parameters", "parameter", "N_yaw", "N_spin", "T_motor"),
     ),
     Line(
         "heave",
         "eq 20, table 4",
-        Number("Z_thrust at the mean output [m/s²]", parameter("heave", "Z_thrust"), truth=thrust_slope, paper=-0.1692 * hummingbird.STEPS),
+        Number(
+            "Z_thrust at the mean output [m/s²]",
+            parameter("heave", "Z_thrust"),
+            truth=thrust_slope,
+            paper=-0.1692 * hummingbird.STEPS,
+        ),
         Number("Z_w [1/s]", parameter("heave", "Z_w"), truth=truth("hummingbird", "Z_w"), paper=-0.5934),
         Number("tau_thrust [s]", parameter("heave", "tau_thrust"), truth=truth("hummingbird", "tau_thrust")),
         Number("T_motor [s]", parameter("heave", "T_motor"), truth=truth("hummingbird", "T_motor")),
@@ -258,16 +350,35 @@ LINES = (
         "hummingbird-axes",
         "four axes",
         *(
-            Number(name, lambda runs, axis=axis, name=name: axis_parameter(runs, axis, name), truth=truth("hummingbird", name))
+            Number(
+                name,
+                lambda runs, axis=axis, name=name: axis_parameter(runs, axis, name),
+                truth=truth("hummingbird", name),
+            )
             for axis, name in (("pitch", "M_pitch"), ("roll", "L_roll"), ("yaw", "N_yaw"), ("vertical", "Z_w"))
         ),
-        Fact("one report", lambda runs: all(f"axis.{axis}" in runs["hummingbird-axes"].text("report.html") for axis in ("pitch", "roll", "yaw", "vertical"))),
+        Fact(
+            "one report",
+            lambda runs: all(
+                f"axis.{axis}" in runs["hummingbird-axes"].text("report.html")
+                for axis in ("pitch", "roll", "yaw", "vertical")
+            ),
+        ),
     ),
     Line(
         "pitch-verified",
         "low-pass on both sides",
-        Fact("at 100 rad/s in every check", lambda runs: all(one["low_pass_rad_s"] == 100.0 for one in runs["pitch-verified"].document["maneuvers"])),
-        Number("q explained [%]", lambda runs: min(one["scores"]["q"]["nrmse_fit_percent"] for one in runs["pitch-verified"].document["maneuvers"]), least=80.0),
+        Fact(
+            "at 100 rad/s in every check",
+            lambda runs: all(one["low_pass_rad_s"] == 100.0 for one in runs["pitch-verified"].document["maneuvers"]),
+        ),
+        Number(
+            "q explained [%]",
+            lambda runs: min(
+                one["scores"]["q"]["nrmse_fit_percent"] for one in runs["pitch-verified"].document["maneuvers"]
+            ),
+            least=80.0,
+        ),
     ),
     Line(
         "pitch-ranges",
@@ -279,7 +390,14 @@ LINES = (
     Line(
         "pitch-unfiltered",
         "known sensor delays removed",
-        Number("change of the delay of a_x [s]", lambda runs: budget("ax/pitch_command")(runs).value - runs["pitch-unfiltered"].document["delays"]["ax/pitch_command"]["total_s"], least=0.001),
+        Number(
+            "change of the delay of a_x [s]",
+            lambda runs: (
+                budget("ax/pitch_command")(runs).value
+                - runs["pitch-unfiltered"].document["delays"]["ax/pitch_command"]["total_s"]
+            ),
+            least=0.001,
+        ),
         no_kind("pitch-unfiltered", "unknown_filter"),
         has_kind("pitch-unfiltered", "known_filter"),
         pending="filters of a table cannot be given; no digit changes",
@@ -287,27 +405,63 @@ LINES = (
     Line(
         "px4-pitch",
         "fig 9",
-        Number("q under the controller [%]", field("px4-pitch", "verification", "maneuvers", 0, "closed_loop", "scores", "q", "nrmse_fit_percent"), least=80.0),
-        Number("command under the controller [%]", field("px4-pitch", "verification", "maneuvers", 0, "closed_loop", "scores", "pitch_command", "nrmse_fit_percent"), least=80.0),
+        Number(
+            "q under the controller [%]",
+            field("px4-pitch", "verification", "maneuvers", 0, "closed_loop", "scores", "q", "nrmse_fit_percent"),
+            least=80.0,
+        ),
+        Number(
+            "command under the controller [%]",
+            field(
+                "px4-pitch",
+                "verification",
+                "maneuvers",
+                0,
+                "closed_loop",
+                "scores",
+                "pitch_command",
+                "nrmse_fit_percent",
+            ),
+            least=80.0,
+        ),
         drawn("px4-pitch", "check-0-loop", "measured", panels=2, curves=3),
-        *(Number(name, parameter("px4-pitch", name), truth=truth("px4-sweeps", name)) for name in ("M_pitch", "M_q", "X_u", "T_motor", "tau_pitch")),
+        *(
+            Number(name, parameter("px4-pitch", name), truth=truth("px4-sweeps", name))
+            for name in ("M_pitch", "M_q", "X_u", "T_motor", "tau_pitch")
+        ),
     ),
     Line(
         "hummingbird-physics",
         "eqs 1, 2, 4",
         *(Number(name, parameter("hummingbird-physics", name), truth=PHYSICS[name]) for name in ("c_T", "c_H", "c_P")),
-        Number("c_T, within 10 %", parameter("hummingbird-physics", "c_T"), truth=PHYSICS["c_T"], within=0.1 * PHYSICS["c_T"]),
+        Number(
+            "c_T, within 10 %",
+            parameter("hummingbird-physics", "c_T"),
+            truth=PHYSICS["c_T"],
+            within=0.1 * PHYSICS["c_T"],
+        ),
     ),
     Line(
         "hummingbird-physics",
         "from derivatives back",
-        *(Number(name, parameter("hummingbird-physics", name), truth=PHYSICS[name]) for name in ("I_xx", "I_yy", "I_zz", "z", "dc_T_dJ", "n_h")),
-        Number("J_r [kg m²]", parameter("hummingbird-physics", "J_r"), truth=lambda runs: hummingbird.aircraft().vehicle.rotors.inertia_kg_m2),
+        *(
+            Number(name, parameter("hummingbird-physics", name), truth=PHYSICS[name])
+            for name in ("I_xx", "I_yy", "I_zz", "z", "dc_T_dJ", "n_h")
+        ),
+        Number(
+            "J_r [kg m²]",
+            parameter("hummingbird-physics", "J_r"),
+            truth=lambda runs: hummingbird.aircraft().vehicle.rotors.inertia_kg_m2,
+        ),
     ),
     Line(
         "yaw-known",
         "motor inertia and its reaction",
-        Number("J_r [kg m²]", derived("yaw-known", "J_r"), truth=lambda runs: hummingbird.aircraft().vehicle.rotors.inertia_kg_m2),
+        Number(
+            "J_r [kg m²]",
+            derived("yaw-known", "J_r"),
+            truth=lambda runs: hummingbird.aircraft().vehicle.rotors.inertia_kg_m2,
+        ),
         Number("kappa [m]", derived("yaw-known", "kappa"), truth=TORQUE_M),
         Number("M_motor_omega [1/s]", derived("yaw-known", "M_motor_omega"), truth=-42.21, paper=-42.21),
         Number("N_omega [1/s]", derived("yaw-known", "N_omega"), truth=-0.5541, paper=-0.5541),
@@ -324,7 +478,14 @@ LINES = (
     Line(
         "hummingbird-response",
         "eqs 11, 12",
-        *(Number(f"{output} over truth, in its errors", lambda runs, output=output: misfit(runs, "hummingbird-response", output), most=1.5) for output in ("q", "ax")),
+        *(
+            Number(
+                f"{output} over truth, in its errors",
+                lambda runs, output=output: misfit(runs, "hummingbird-response", output),
+                most=1.5,
+            )
+            for output in ("q", "ax")
+        ),
         Number("windows", lambda runs: len(runs["hummingbird-response"].document["windows_s"]), least=4),
         drawn("hummingbird-response", "windows-0", "composite", panels=2, curves=6),
     ),
@@ -332,18 +493,32 @@ LINES = (
         "hummingbird-response",
         "bias of feedback, judged",
         has_kind("hummingbird-response", "closed_loop_bias"),
-        Number("direct off, q [dB]", field("hummingbird-response", "pairs", "q/pitch_command", "direct_difference_db"), least=0.3),
-        Fact("records say whether they are used", lambda runs: all(one["used"] is True for one in runs["hummingbird-response"].document["records"])),
+        Number(
+            "direct off, q [dB]",
+            field("hummingbird-response", "pairs", "q/pitch_command", "direct_difference_db"),
+            least=0.3,
+        ),
+        Fact(
+            "records say whether they are used",
+            lambda runs: all(one["used"] is True for one in runs["hummingbird-response"].document["records"]),
+        ),
     ),
     Line(
         "hummingbird-two",
         "records of several flights",
-        Number("records", lambda runs: sum(one["used"] for one in runs["hummingbird-two"].document["records"]), paper=2, within=0),
+        Number(
+            "records",
+            lambda runs: sum(one["used"] for one in runs["hummingbird-two"].document["records"]),
+            paper=2,
+            within=0,
+        ),
         Number("q over truth, in its errors", lambda runs: misfit(runs, "hummingbird-two", "q"), most=1.5),
         Fact(
             "smaller errors than one flight",
-            lambda runs: runs["hummingbird-two"].document["pairs"]["q/pitch_command"]["mean_random_error"]
-            < runs["hummingbird-pairs"].document["pairs"]["q/pitch_command"]["mean_random_error"],
+            lambda runs: (
+                runs["hummingbird-two"].document["pairs"]["q/pitch_command"]["mean_random_error"]
+                < runs["hummingbird-pairs"].document["pairs"]["q/pitch_command"]["mean_random_error"]
+            ),
         ),
     ),
     Line(
@@ -351,11 +526,23 @@ LINES = (
         "table 1, pairs and bands",
         Fact(
             "on-axis pairs alone have coherence, as in the paper",
-            lambda runs: {name for name, pair in runs["hummingbird-pairs"].document["pairs"].items() if pair["points"]}
-            == {"q/pitch_command", "ax/pitch_command", "r/yaw_command", "az/thrust_command"},
+            lambda runs: (
+                {name for name, pair in runs["hummingbird-pairs"].document["pairs"].items() if pair["points"]}
+                == {"q/pitch_command", "ax/pitch_command", "r/yaw_command", "az/thrust_command"}
+            ),
         ),
-        Number("a_z, from [rad/s]", field("hummingbird-pairs", "pairs", "az/thrust_command", "band_rad_s", 0), paper=0.3, most=1.1),
-        Number("q, to [rad/s]", field("hummingbird-pairs", "pairs", "q/pitch_command", "band_rad_s", 1), paper=100.0, least=40.0),
+        Number(
+            "a_z, from [rad/s]",
+            field("hummingbird-pairs", "pairs", "az/thrust_command", "band_rad_s", 0),
+            paper=0.3,
+            most=1.1,
+        ),
+        Number(
+            "q, to [rad/s]",
+            field("hummingbird-pairs", "pairs", "q/pitch_command", "band_rad_s", 1),
+            paper=100.0,
+            least=40.0,
+        ),
     ),
     Line(
         "hummingbird-direct",
@@ -373,7 +560,9 @@ LINES = (
         "controller synthesis",
         Fact(
             "every number of the file is that of the result",
-            lambda runs: all(abs(one["difference_percent"]) < 0.1 for one in runs["pitch-export"].document["quantities"]),
+            lambda runs: all(
+                abs(one["difference_percent"]) < 0.1 for one in runs["pitch-export"].document["quantities"]
+            ),
         ),
         Fact("the file has the delay", lambda runs: "Delay" in runs["pitch-export"].text("vehicle.m")),
     ),
@@ -410,12 +599,24 @@ LINES = (
     Line(
         "rotorid vehicles hummingbird --toml",
         "fig 3",
-        printed("rotorid vehicles hummingbird --toml", "mass_kg = 0.52", 'spin = "cw"', "position_m = [0.17, 0.0", "accelerometer_place_m"),
+        printed(
+            "rotorid vehicles hummingbird --toml",
+            "mass_kg = 0.52",
+            'spin = "cw"',
+            "position_m = [0.17, 0.0",
+            "accelerometer_place_m",
+        ),
     ),
     Line(
         "rotorid vehicles --from hummingbird-physics --like hummingbird",
         "physical parameters for a simulation",
-        Number("I_xx of the file [kg m²]", lambda runs: toml_of(runs)["body"]["inertia_kg_m2"][0], truth=lambda runs: parameter("hummingbird-physics", "I_xx")(runs).value, within=1e-6, because="the identified one"),
+        Number(
+            "I_xx of the file [kg m²]",
+            lambda runs: toml_of(runs)["body"]["inertia_kg_m2"][0],
+            truth=lambda runs: parameter("hummingbird-physics", "I_xx")(runs).value,
+            within=1e-6,
+            because="the identified one",
+        ),
         pending="inertia, thrust and torque of the file are those of the library",
     ),
 )

@@ -74,7 +74,10 @@ class Number:
 
     def _rule(self) -> str:
         if self.most is not None or self.least is not None:
-            bounds = [f"≥ {self.least:g}" if self.least is not None else "", f"≤ {self.most:g}" if self.most is not None else ""]
+            bounds = [
+                f"≥ {self.least:g}" if self.least is not None else "",
+                f"≤ {self.most:g}" if self.most is not None else "",
+            ]
             return " ".join(filter(None, bounds))
         return "interval" if self.within is None else f"± {self.within:.2g}"
 
@@ -197,7 +200,9 @@ def drawn(run: str, figure: str, *labels: str, panels: int = 1, curves: int = 1,
         axes = runs[run].figure(figure)
         lines = [line for axis in axes for line in axis["lines"] if line["points"] > 1]
         words = [str(axis[key]) for axis in axes for key in ("x", "y", "title")]
-        words += [line["label"] for line in lines] + [text for axis in axes for text in (*axis["labels"], *axis["texts"])]
+        words += [line["label"] for line in lines] + [
+            text for axis in axes for text in (*axis["labels"], *axis["texts"])
+        ]
         seen = " ".join(words)
         return (
             len(axes) >= panels

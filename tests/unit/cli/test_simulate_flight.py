@@ -147,7 +147,7 @@ def test_numbers_of_a_vehicle_change_what_is_true(tmp_path: Path) -> None:
     [
         (("simulate", "x50"), "did you mean x500"),
         (("simulate", "rig", "--wind", "3"), "does not fly"),
-        (("design", "sweep", "--vehicle", "rig"), "does not fly"),
+        (("design", "doublet", "--vehicle", "rig"), "does not fly"),
         (("simulate", "x500", "--set", "mass=2"), "number of a vehicle 'mass'"),
         (("simulate", "x500", "--set", "m=heavy"), "NAME=VALUE"),
         (("simulate", "x500", "--wind", "strong"), "NORTH,EAST"),

@@ -255,6 +255,15 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
             needed="samples without gaps",
             remedy="leave the affected samples out, or fill them in before the file is read",
         )
+    if series.logged_range:
+        low, high = float(vector.min(initial=np.inf)), float(vector.max(initial=-np.inf))
+        if not low < high:
+            raise LogError(
+                f"{file}: {series.source} is {low:g} throughout",
+                needed="numbers that differ, for a share between the smallest and the largest",
+                remedy="write `range` = [LOW, HIGH] in the mapping",
+            )
+        return (vector - low) / (high - low)
     factor = series.scale * factor_to(si, series.unit)
     return (vector + series.offset) * factor if series.offset else vector * factor
 

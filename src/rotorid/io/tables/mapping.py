@@ -53,6 +53,8 @@ class Series:
         Whether the channel is the derivative of these numbers; their unit is then that of the derivative.
     low_pass_hz
         Cutoff of a zero-phase low-pass that the channel passes; ``None`` for none.
+    logged_range
+        Whether the channel goes from 0 at the smallest of these numbers to 1 at their largest.
     """
 
     source: str
@@ -64,6 +66,7 @@ class Series:
     file: str = ""
     derivative: bool = False
     low_pass_hz: float | None = None
+    logged_range: bool = False
 
     def of_experiment(self, name: str) -> Series:
         """The same row in one of several experiments."""
@@ -262,7 +265,7 @@ def measured_unit(name: str, written: str) -> str:
     return known[0] if known and not si else next((unit for unit in known if parse_unit(unit).si == si), "")
 
 
-_SERIES_KEYS = ("source", "unit", "scale", "offset", "row", "column")
+_SERIES_KEYS = ("source", "unit", "scale", "offset", "range", "row", "column")
 FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
 _STEPS = ("derivative", "low_pass_hz")
@@ -649,6 +652,8 @@ def read_series(values: Mapping[str, Any], where: str, *, si: Sequence[str]) -> 
     row, column = index(values, "row", where), index(values, "column", where)
     if row is not None and column is not None:
         raise UsageError(f"{where} has `row` and `column`", needed="one of them", remedy="remove the other")
+    if "range" in values:
+        return _over_range(values, where, si=si, row=row, column=column)
     measured = unit(values, "unit", si, where)
     scale = _scale(values, where)
     return Series(
@@ -659,6 +664,31 @@ def read_series(values: Mapping[str, Any], where: str, *, si: Sequence[str]) -> 
         row=row,
         column=column,
     )
+
+
+def _over_range(
+    values: Mapping[str, Any], where: str, *, si: Sequence[str], row: int | None, column: int | None
+) -> Series:
+    """A share of the range between the smallest and the largest number: those that are given, or ``"logged"``."""
+    if "1" not in si and si:
+        raise UsageError(
+            f"{where} has `range`", needed="it for a share, such as motor_1 or thrust_command", remedy="use `scale`"
+        )
+    if other := [key for key in ("unit", "scale", "offset") if key in values]:
+        raise UsageError(f"{where} has `range` and `{other[0]}`", needed="one of them", remedy=f"remove `{other[0]}`")
+    series = Series(source=text(values, "source", where), row=row, column=column)
+    if values["range"] == "logged":
+        return replace(series, logged_range=True)
+    value = values["range"]
+    ends = {str(place): end for place, end in enumerate(value)} if isinstance(value, list) else {}
+    low, high = number(ends, "0", f"{where} `range`"), number(ends, "1", f"{where} `range`")
+    if len(ends) != 2 or low is None or high is None or not low < high:
+        raise UsageError(
+            f"{where} has `range` = {value!r}",
+            needed='two rising numbers, or "logged"',
+            remedy="write [LOW, HIGH], such as SERVO1_MIN and SERVO1_MAX",
+        )
+    return replace(series, offset=-low, scale=1.0 / (high - low))
 
 
 def _own_signs(frame: str) -> tuple[float, float, float]:

@@ -115,3 +115,28 @@ def test_a_motor_without_a_unit_asks_for_it(tmp_path: Path) -> None:
         InsufficientDataError, match=r"motor_3 of rig\.csv is no share of full output; this needs its unit"
     ):
         airborne(found)
+
+
+@pytest.mark.parametrize(("limits", "low", "high"), [("[1100, 1900]", 1100.0, 1900.0), ('"logged"', 1410.0, 1590.0)])
+def test_an_output_is_its_share_between_the_smallest_and_the_largest(
+    tmp_path: Path, limits: str, low: float, high: float
+) -> None:
+    mapped = f'clock = "time [s]"\nchannels.motor_3 = {{ source = "u", range = {limits} }}\n'
+    record = read(table(tmp_path, "us", 1500.0, 90.0, mapped=mapped), mapping=tmp_path / "rig.toml")
+    assert record.unit_of("motor_3") == "1"
+    np.testing.assert_allclose(record["motor_3"].values, (1500.0 + 90.0 * SINE - low) / (high - low), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "came"),
+    [
+        ("range = [1900, 1100]", "two rising numbers"),
+        ('range = "all"', "two rising numbers"),
+        ('range = "logged", unit = "us"', "remove `unit`"),
+    ],
+)
+def test_a_range_that_is_none_is_refused(tmp_path: Path, words: str, came: str) -> None:
+    mapped = f'clock = "time [s]"\nchannels.motor_3 = {{ source = "u", {words} }}\n'
+    file = table(tmp_path, "us", 1500.0, 90.0, mapped=mapped)
+    with pytest.raises(UsageError, match=came):
+        read(file, mapping=tmp_path / "rig.toml")
