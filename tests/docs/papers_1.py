@@ -111,9 +111,15 @@ LINES = (
     ),
     Line(
         "sweep",
-        "a band-limited sweep",
+        "band-limited sweeps of two motors",
         Number("power in the band", in_band, least=0.95, because="what a band-limited signal is"),
-        Number("length of the sweep [s]", field("sweep", "plans", 0, "inputs", 0, "stop_s"), paper=64.0, within=0.01),
+        Number("length of the sweep [s]", field("sweep", "sweeps", 0, "stop_s"), paper=64.0, within=0.01),
+        Number(
+            "angle reached [deg]",
+            lambda runs: float(np.degrees(runs["sweep"].document["reached_rad"])),
+            most=10.0,
+            because="what was allowed",
+        ),
     ),
     Line(
         "rig-response",

@@ -290,7 +290,7 @@ def _reached(settings: BenchSettings, plan: FlightPlan) -> float:
     reached_rad = float(np.abs(angles).max())
     if not math.isfinite(reached_rad) or reached_rad > 100.0 * settings.limit_rad + 1e3:
         raise UsageError(
-            f"the loop that holds {settings.source} in simulation does not hold it",
+            f"the simulated loop around {settings.source} is not stable",
             needed="delays of motors below about half a second",
             remedy="give --amplitude, small, and sweep with a loop of your own",
         )

@@ -58,7 +58,7 @@ def bench_card(design: BenchDesign) -> dict[str, str]:
         before=[
             "Pivot free of friction; propellers undamaged; nobody in their plane",
             "Way to cut the motors tried",
-            "Rig held level by its controller; add each column of plan.csv behind it",
+            "Controller keeps the rig level; add each column of plan.csv behind it",
             f"Log at 100 Hz: {log}, and the columns of plan.csv as {plan.inputs[0].signal} and so on",
         ],
         model=design.model,
