@@ -88,3 +88,9 @@ def test_motors_at_their_limits_are_said(tmp_path: Path) -> None:
     clipped = replace(record, topics=(replace(topic, values=values),))
     with pytest.raises(rotorid.InsufficientDataError, match=r"no sweep of single motors.*at a limit were motor_3 for"):
         rotorid.identify([clipped], "rig.roll", outputs=("phi",))
+
+
+def test_a_response_is_per_unit_of_the_log(tmp_path: Path) -> None:
+    for unit, expected in {"V": "rad/V", "us": "rad/us", "rpm": "rad/(rad/s)", "%": "rad"}.items():
+        found = rotorid.response([logged(tmp_path, unit)], inputs=("motor_3", "motor_4"), outputs=("phi",))
+        assert found.pairs["phi/motor_3"].unit == expected

@@ -614,8 +614,9 @@ def pairs_of(measured: Measured, used: BoolArray) -> dict[str, Pair]:
 def _pair(measured: Measured, chosen: BoolArray, row: tuple[int, int]) -> Pair:
     response, direct = measured.response, measured.direct
     input, values = response.inputs[row[1]], response.values[row]
+    units = {channel.name: channel.unit for segment in measured.segments for channel in segment.history.channels}
     pair = Pair(
-        unit=unit_of_ratio(response.outputs[row[0]], input),
+        unit=unit_of_ratio(response.outputs[row[0]], input, units),
         magnitude=np.abs(values),
         phase_rad=_unwrapped(values, chosen),
         coherence=response.coherence[row],
@@ -639,15 +640,16 @@ def _pair(measured: Measured, chosen: BoolArray, row: tuple[int, int]) -> Pair:
     )
 
 
-def unit_of_ratio(output: str, input: str) -> str:
-    """Unit of a response.
+def unit_of_ratio(output: str, input: str, units: Mapping[str, str] | None = None) -> str:
+    """Unit of a response; ``units`` are those of its channels where they are not those of the vocabulary.
 
     Examples
     --------
     >>> unit_of_ratio("p", "roll_command"), unit_of_ratio("u", "theta"), unit_of_ratio("p", "p_setpoint")
     ('rad/s', 'm/s/rad', '1')
     """
-    above, below = (STANDARD_UNITS.get(name, "1") for name in (output, input))
+    known = {**STANDARD_UNITS, **(units or {})}
+    above, below = (known.get(name, "1") for name in (output, input))
     if above == below:
         return "1"
     if below == "1":
