@@ -94,7 +94,14 @@ def simulate_command(
     of_logs = [*(["--map"] if map is not None else []), *changed_options(FlySettings, through).values()]
     _refuse(of_logs, "without --log", remedy="add --log LOG to fly a model through a log")
     if plan not in (None, _NO_PLAN, EVERYDAY) and like is None and (models := _fliers(vehicle)):
-        _simulate_plan(models, Path(plan or ""), vehicle, seed=flight["seed"], output=output, paper=paper)
+        _refuse(
+            _of_flights(None, {**flight, "runs": 1}, air),
+            f"with {models[0].name}, which flies by itself",
+            remedy="use only --plan, --runs and --seed; --like NAME simulates it as a vehicle, in wind",
+        )
+        _simulate_plan(
+            models, Path(plan or ""), vehicle, seed=flight["seed"], runs=flight["runs"], output=output, paper=paper
+        )
         return
     if paper.figures or paper.tables or paper.pdf:
         raise UsageError(
@@ -189,14 +196,20 @@ def _models(results: list[str]) -> list[IdentifiedModel]:
 
 
 def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
-    """Results whose inputs are set-points, so that they can fly a plan; none where vehicles are given."""
-    from rotorid.documents.result import load
+    """Results that can fly a plan by themselves: by set-points, or by commands; none where vehicles are given."""
+    from rotorid.documents.results import is_result, load_results
     from rotorid.flying.flown_models import flies_plans
+    from rotorid.flying.model_from_results import HALVES, joined_halves
+    from rotorid.flying.model_logs import flies_under_control
 
     folders = [Path(path) for path in vehicle]
-    if not all((path / "result.json").is_file() if path.is_dir() else path.name == "result.json" for path in folders):
+    if not all(is_result(folder) for folder in folders):
         return []
-    models = [load(path) for path in folders]
+    models = load_results(folders)
+    if len(models) == 1 and flies_under_control(models[0]):
+        return models
+    if len(models) == len(HALVES) and joined_halves(models) is not None:
+        return models
     drags = [model for model in models if model.nonlinear is not None and not flies_plans(model)]
     others = [model for model in models if model not in drags]
     return models if others and all(map(flies_plans, others)) else []
@@ -237,9 +250,16 @@ def _simulate_log(
 
 
 def _simulate_plan(
-    models: list[IdentifiedModel], plan: Path, results: list[str], *, seed: int, output: Output, paper: ForPaper
+    models: list[IdentifiedModel],
+    plan: Path,
+    results: list[str],
+    *,
+    seed: int,
+    runs: int,
+    output: Output,
+    paper: ForPaper,
 ) -> None:
-    """Fly an identified model through a plan, and write what it did."""
+    """Fly an identified model through a plan, and write what it did, with logs that have noise."""
     from rotorid.documents.design import read_plan
     from rotorid.documents.flown import FLOWN, flown_document
     from rotorid.flying.flown_models import fly_plan
@@ -252,7 +272,7 @@ def _simulate_plan(
         output=output,
         folder=results_folder() / f"flown-{Path(results[0]).resolve().name}",
         file=FLOWN,
-        compute=lambda _: fly_plan(models, wanted, settings=FlySettings(seed=seed)),
+        compute=lambda _: fly_plan(models, wanted, settings=FlySettings(seed=seed), runs=runs),
         write=lambda folder, flown: write_flown(folder, flown, title=f"{flown.model.name} through {wanted.name}"),
         refused=lambda error, _: error,
         document=flown_document,
@@ -269,7 +289,12 @@ def _print_simulated(document: FlownDocument, folder: Path, *, verbose: bool = F
     from rotorid.cli.console import output_console
 
     console = output_console()
-    table = Table(title=f"{document.model} through the log", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title=f"{document.model} through the {'plan' if document.logs else 'log'}",
+        title_justify="left",
+        box=None,
+        pad_edge=False,
+    )
     for name in ("flight", "seconds", "pieces", "output", "fit %", "TIC"):
         table.add_column(name, justify="left" if name in ("flight", "output") else "right")
     rows: list[tuple[str, ...]] = []
@@ -283,6 +308,10 @@ def _print_simulated(document: FlownDocument, folder: Path, *, verbose: bool = F
     print_findings(document.findings, verbose=verbose)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, markup=False)
     console.print(f"signals: {folder / 'flown.npz'}", soft_wrap=True, markup=False)
+    if document.logs:
+        names = [log.file for log in document.logs]
+        shown = names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
+        console.print(f"log with noise: {folder / shown}", soft_wrap=True, markup=False)
 
 
 def _plan(given: str | None, flight: SimulateSettings) -> FlightPlan | None:

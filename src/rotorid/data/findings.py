@@ -218,6 +218,7 @@ KINDS: Mapping[str, Kind] = {
     "assumed_axis": Kind(
         "info", "Axis assumed", "No result describes this axis of the vehicle, so typical values were assumed."
     ),
+    "assumed_noise": Kind("info", "Noise assumed", "The result does not know the noise of its flight."),
     "assumed_curve": Kind(
         "warning", "Thrust curve assumed", "The curve of thrust over motor output was assumed, not identified."
     ),

@@ -36,6 +36,16 @@ class FlownFlightDocument(Document):
     signals: str
 
 
+class FlownLogDocument(Document):
+    """A log that was written: seed and number of its noise, and its deviation by output, ``assumed`` or known."""
+
+    file: str
+    seed: int
+    run: int
+    noise: dict[str, float]
+    assumed: list[str] = Field(default_factory=list)
+
+
 class FlownDocument(Document):
     """``flown.json``: a model simulated with the inputs of logs, with the measurement, or with those of a plan."""
 
@@ -43,6 +53,7 @@ class FlownDocument(Document):
     model: str
     parameters: dict[str, ParameterEstimate] = Field(default_factory=dict)
     flights: list[FlownFlightDocument] = Field(default_factory=list)
+    logs: list[FlownLogDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 
@@ -66,6 +77,12 @@ def flown_document(flown: FlownModel) -> FlownDocument:
                 signals=f"flight_{number + 1}",
             )
             for number, stretch in enumerate(flown.stretches)
+        ],
+        logs=[
+            FlownLogDocument(
+                file=log.file, seed=log.seed, run=log.run, noise=dict(log.noise), assumed=list(log.assumed)
+            )
+            for log in flown.logs
         ],
         findings=[FindingDocument.model_validate(finding) for finding in flown.findings],
         provenance=ProvenanceDocument.model_validate(flown.provenance),

@@ -30,10 +30,12 @@ from rotorid.checking.predictors import predictor_of
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan
-from rotorid.data.record import FlightRecord, Maneuver
+from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.flights.selection import require_inside, require_reached
+from rotorid.flying.model_from_results import joined_halves
+from rotorid.flying.model_logs import ModelFlight, ModelLog, flies_under_control, fly_under_control, model_logs
 from rotorid.io.records import as_records
 from rotorid.models.equations import structure_from_equations
 from rotorid.models.families import family_of
@@ -143,12 +145,15 @@ class FlownModel(Immutable):
         Remarks, the worst first.
     provenance
         Which logs it flew through.
+    logs
+        With noise, of a plan.
     """
 
     model: IdentifiedModel
     stretches: tuple[FlownStretch, ...]
     findings: tuple[Finding, ...]
     provenance: Provenance
+    logs: tuple[ModelLog, ...] = ()
 
 
 def fly_log(
@@ -248,18 +253,25 @@ def refused_flight(
 
 
 def fly_plan(
-    models: IdentifiedModel | Sequence[IdentifiedModel], plan: FlightPlan, *, settings: FlySettings | None = None
+    models: IdentifiedModel | Sequence[IdentifiedModel],
+    plan: FlightPlan,
+    *,
+    settings: FlySettings | None = None,
+    runs: int = 1,
 ) -> FlownModel:
-    """Simulate an identified model through the test inputs of a plan, from rest.
+    """Simulate an identified model through the test inputs of a plan, from rest, and make logs of it with noise.
 
     Parameters
     ----------
     models
-        As for :func:`fly_log`; its inputs are set-points.
+        As for :func:`fly_log`, with set-points as inputs; or a linear model of the airframe by commands, which a
+        controller keeps in the air, see :mod:`rotorid.flying.model_logs`. Both halves of a hover model fly together.
     plan
         What is asked of it.
     settings
         Choices; everything has a default.
+    runs
+        How many logs, each with its own noise.
 
     Raises
     ------
@@ -267,12 +279,64 @@ def fly_plan(
         The plan moves no input of the model, or the model needs a log.
     """
     settings = settings or FlySettings()
-    model, joined = one_model(models)
-    if not flies_plans(model):
+    whole = None if isinstance(models, IdentifiedModel) else joined_halves(models)
+    model, joined = (whole, whole.findings) if whole is not None else one_model(models)
+    if flies_under_control(model):
+        flight = fly_under_control(model, plan)
+        stretch = _held(flight, plan)
+    elif flies_plans(model):
+        flight, stretch = _by_setpoints(model, plan, settings)
+    else:
         raise UsageError(
             f"{model.name} cannot fly a plan: its inputs are {', '.join(model.structure.inputs)}",
-            needed="a model with set-points as inputs, such as response.* or flight.*",
+            needed="a model by commands or set-points, such as hover.*, axis.*, rate.*, response.* or flight.*",
+            remedy="simulate it as a vehicle with --like NAME",
         )
+    logs = model_logs(model, flight, seed=settings.seed, runs=runs)
+    lost = [
+        remark("unused_choice", what, f"The plan moves {what}, which the model does not have.") for what in flight.left
+    ]
+    return FlownModel(
+        model=model,
+        stretches=(stretch,),
+        findings=worst_first([*joined, *lost, *_assumed(logs[0])]),
+        provenance=provenance((), settings),
+        logs=logs,
+    )
+
+
+def _assumed(log: ModelLog) -> list[Finding]:
+    """The remark on noise that no result knows."""
+    if not log.assumed:
+        return []
+    sizes = ", ".join(f"{name} {log.noise[name]:g} {STANDARD_UNITS[name]}" for name in log.assumed)
+    message = f"The result does not know the noise of its flight. That of usual sensors was assumed: {sizes}."
+    return [remark("assumed_noise", "noise", message)]
+
+
+def _held(flight: ModelFlight, plan: FlightPlan) -> FlownStretch:
+    """A flight under a controller, whose band is not known, as a stretch."""
+    rows = np.stack(list(flight.outputs.values()))
+    return FlownStretch(
+        record=plan.name,
+        maneuver=_whole(plan, flight.time_s),
+        time_s=flight.time_s,
+        inputs=np.stack(list(flight.inputs.values())),
+        measured=np.full(rows.shape, np.nan),
+        simulated=rows,
+        lower=rows,
+        upper=rows,
+        input_names=tuple(flight.inputs),
+        output_names=tuple(flight.outputs),
+    )
+
+
+def _whole(plan: FlightPlan, time_s: FloatArray) -> Maneuver:
+    return Maneuver(axis=plan.axes[0], kind="other", start_s=0.0, stop_s=float(time_s[-1]), origin="given")
+
+
+def _by_setpoints(model: IdentifiedModel, plan: FlightPlan, settings: FlySettings) -> tuple[ModelFlight, FlownStretch]:
+    """A model of set-points through a plan."""
     count = round(plan.duration_s * _PLAN_RATE_HZ) + 1
     time_s = np.arange(count) / _PLAN_RATE_HZ
     inputs = np.zeros((len(model.structure.inputs), count))
@@ -291,7 +355,7 @@ def fly_plan(
     outputs = model.nonlinear.outputs if model.nonlinear is not None else model.structure.outputs
     simulation = Simulation(
         record=plan.name,
-        maneuver=Maneuver(axis=plan.axes[0], kind="other", start_s=0.0, stop_s=float(time_s[-1]), origin="given"),
+        maneuver=_whole(plan, time_s),
         time_s=time_s,
         inputs=inputs,
         measured=np.full((len(outputs), count), np.nan),
@@ -303,14 +367,14 @@ def fly_plan(
         held=True,
     )
     parameters = predictor_of(candidate_model(model)).parameters
-    draws = drawn_values(model, parameters, seed=settings.seed)
-    lost = [remark("unused_choice", what, f"The plan moves {what}, which the model does not have.") for what in left]
-    return FlownModel(
-        model=model,
-        stretches=(_stretch(simulation, parameters.values, draws),),
-        findings=worst_first([*joined, *lost]),
-        provenance=provenance((), settings),
+    stretch = _stretch(simulation, parameters.values, drawn_values(model, parameters, seed=settings.seed))
+    flight = ModelFlight(
+        time_s=time_s,
+        inputs=dict(zip(stretch.input_names, stretch.inputs, strict=True)),
+        outputs=dict(zip(stretch.output_names, stretch.simulated, strict=True)),
+        left=tuple(sorted(left)),
     )
+    return flight, stretch
 
 
 def flies_plans(model: IdentifiedModel) -> bool:

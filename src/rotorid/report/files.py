@@ -6,6 +6,7 @@ import logging
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -173,7 +174,9 @@ _KINDS: Mapping[str, ResultKind] = {
     "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_REPORT_FILES),
     "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_REPORT_FILES),
     "compare.json": ResultKind(mains=("compare.json",), schema="rotorid.compare/", files=_REPORT_FILES),
-    "flown.json": ResultKind(mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", *_REPORT_FILES)),
+    "flown.json": ResultKind(
+        mains=("flown.json",), schema="rotorid.flown/", files=("flown.npz", "flight*.csv", *_REPORT_FILES)
+    ),
     "tune.json": ResultKind(
         mains=("tune.json",),
         schema="rotorid.tune/",
@@ -435,7 +438,7 @@ def write_simulation(
 
 
 def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
-    """Write ``flown.json``, ``flown.npz`` and ``report.html`` of a model that flew.
+    """Write ``flown.json``, ``flown.npz`` and ``report.html`` of a model that flew, and logs of a plan.
 
     Raises
     ------
@@ -443,10 +446,15 @@ def write_flown(folder: Path, flown: FlownModel, *, title: str) -> None:
         The folder cannot be written.
     """
     from rotorid.documents.flown import FLOWN, SIGNALS, flown_arrays, flown_document
+    from rotorid.io.tables.csv import write_csv
     from rotorid.report.flown import render_flown
 
     page = render_flown(flown, title=title)
-    write_together(folder, {SIGNALS: flown_arrays(flown), FLOWN: flown_document(flown), "report.html": page})
+    files: dict[str, Content] = {
+        log.file: partial(write_csv, time_s=log.time_s, columns=log.columns) for log in flown.logs
+    }
+    files |= {SIGNALS: flown_arrays(flown), FLOWN: flown_document(flown), "report.html": page}
+    write_together(folder, files)
 
 
 def write_tuning(folder: Path, proposal: TuningProposal, *, title: str, check_folder: str = "") -> None:
