@@ -400,7 +400,6 @@ LINES = (
         ),
         no_kind("pitch-unfiltered", "unknown_filter"),
         has_kind("pitch-unfiltered", "known_filter"),
-        pending="filters of a table cannot be given; no digit changes",
     ),
     Line(
         "px4-pitch",
