@@ -99,7 +99,7 @@ def _filter(text: str, of: str) -> SensorFilter:
         raise UsageError(f"{of}: unknown filter kind {kind!r}", needed=f"{listed(KINDS[:5])}, or delay: {FORM}")
     if len(numbers) != (2 if kind == "notch" else 1) or (kind == "delay" and at):
         raise UsageError(came, needed=FORM)
-    first = read_measure(numbers[0], "s" if kind == "delay" else "Hz", came=came, needed=FORM)
+    first = read_measure(numbers[0], {"delay": "s"}.get(kind, "Hz"), came=came, needed=FORM)
     quality = read_measure(numbers[1], "1", came=came, needed=FORM) if kind == "notch" else 0.0
     rate_hz = read_measure(rate, "Hz", came=came, needed=FORM) if at else None
     if not 0.0 < first < math.inf or (kind == "notch" and not 0.0 < quality < math.inf):

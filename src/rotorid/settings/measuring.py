@@ -83,6 +83,8 @@ class MeasureSettings(Settings):
         For what is drawn at random; nothing is by default.
     correct_filters
         Take known filters of the autopilot off the outputs.
+    filters
+        Filters that channels have passed besides, by channel.
     """
 
     band_rad_s: Annotated[

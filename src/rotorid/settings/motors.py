@@ -66,6 +66,8 @@ class MotorSettings(Settings):
         Its budget.
     runs
         How often it is repeated from other seeds.
+    workers
+        Processes that share out runs and bootstraps; ``None`` for none.
     method
         ``prediction_error``, or ``accelerations``: the sum of absolute errors of accelerations.
     outputs

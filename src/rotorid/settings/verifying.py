@@ -24,7 +24,7 @@ class VerifySettings(MeasureSettings):
     ----------
     band_rad_s, windows_s, input_windows_s, composition, taper, overlap
         As in :class:`MeasureSettings`; a band given here replaces that of the fit.
-    coherence, estimate, instruments, segments, shifts, seed, correct_filters
+    coherence, estimate, instruments, segments, shifts, seed, correct_filters, filters
         As in :class:`MeasureSettings`.
     scale
         Diameter of a full-scale rotor over the size of the vehicle, for the guideline of J_rms.
