@@ -16,6 +16,7 @@ from rotorid.flights.instruments import axes_of
 from rotorid.flights.supports import supported_models, supports
 from rotorid.identifying.families import own_settings
 from rotorid.identifying.identification import identify, refused
+from rotorid.io.pool import pool
 from rotorid.io.records import as_records
 from rotorid.models.derived import useful_known
 from rotorid.models.parameter import no_such
@@ -128,21 +129,44 @@ def identify_several(
     require_known_by_any(wanted, chosen)
     answers: dict[str, IdentifiedModel | Refused] = {}
     wrong: list[RotoridError] = []
-    for number, model in enumerate(wanted):
-        name = model.name if isinstance(model, LinearStructure) else str(model)
-        _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
-        own = _settings_of(model, chosen)
-        try:
-            answers[name] = identify(logs, model, settings=own, verify=unseen)
-        except InsufficientDataError as error:
-            answers[name] = refused(error, logs, model, settings=own)
-        except Exception as error:
-            # What one model makes of a log, such as rotors that do not fit it, ends no other.
-            wrong.append(reason_of(error, name))
-            answers[name] = refused(_as_refusal(wrong[-1], name), logs, model, settings=own)
+    # Runs of one model have the workers for themselves.
+    single = chosen.add_noise_percent is None and chosen.runs is None and chosen.bootstrap is None
+    with pool(chosen.workers if single and len(wanted) > 1 else None) as workers:
+        each = workers.shared(_EachModel(logs, unseen, replace(chosen, workers=None) if single else chosen))
+        found = (map if workers.executor is None else workers.executor.map)(each, wanted)
+        for number, model in enumerate(wanted):
+            name = _name(model)
+            _PROGRESS.info(f"identifying {name}", extra={"done": number, "total": len(wanted)})
+            answers[name], error = next(found)
+            wrong += [] if error is None else [error]
     if wrong and len(wrong) == len(answers) and not asks_all(models):
         raise wrong[0]
     return SeveralModels(answers=answers, provenance=provenance((*logs, *unseen), chosen))
+
+
+@dataclass(frozen=True)
+class _EachModel:
+    """The identification of one of the models: its answer, and the error that is more than a lack of data."""
+
+    logs: tuple[FlightRecord, ...]
+    unseen: tuple[FlightRecord, ...]
+    settings: IdentifySettings
+
+    def __call__(self, model: str | Path | LinearStructure) -> tuple[IdentifiedModel | Refused, RotoridError | None]:
+        own = _settings_of(model, self.settings)
+        try:
+            return identify(self.logs, model, settings=own, verify=self.unseen), None
+        except InsufficientDataError as error:
+            return refused(error, self.logs, model, settings=own), None
+        except Exception as error:
+            # What one model makes of a log, such as rotors that do not fit it, ends no other.
+            name = _name(model)
+            wrong = reason_of(error, name)
+            return refused(_as_refusal(wrong, name), self.logs, model, settings=own), wrong
+
+
+def _name(model: str | Path | LinearStructure) -> str:
+    return model.name if isinstance(model, LinearStructure) else str(model)
 
 
 def _as_refusal(error: RotoridError, model: str) -> InsufficientDataError:

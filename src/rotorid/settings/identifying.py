@@ -299,7 +299,11 @@ class IdentifySettings(MeasureSettings):
     ] = None
     workers: Annotated[
         int | None,
-        Option("--workers", "Processes for --runs and --bootstrap. [default: one per core for --runs]", "Fit"),
+        Option(
+            "--workers",
+            "Processes for --runs, --bootstrap and several models. [default: one per core for --runs]",
+            "Fit",
+        ),
         Written("never"),
     ] = None
     bootstrap: Annotated[
