@@ -140,19 +140,19 @@ class CompareDocument(Document):
     provenance: ProvenanceDocument
 
 
-def compare_document(found: Comparison, steps: Sequence[StepPair] = ()) -> CompareDocument:
+def compare_document(found: Comparison, steps: Sequence[StepPair] | None = None) -> CompareDocument:
     """A comparison as ``compare.json`` holds it.
 
     Parameters
     ----------
     steps
-        Step responses of its models, see :func:`steps_of`.
+        Step responses of its models, where :func:`steps_of` has made them already.
     """
     return CompareDocument(
         models=[_model(entry, found.on_logs.get(entry.label)) for entry in found.entries],
         parameters=_parameters(found.entries),
         maneuvers=[_maneuver(each, found.common_outputs) for each in found.maneuvers],
-        steps=[_steps(pair) for pair in steps],
+        steps=[_steps(pair) for pair in (steps_of(found) if steps is None else steps)],
         common_outputs=list(found.common_outputs),
         horizon_s=finite(found.horizon_s),
         band_rad_s=found.band_rad_s,

@@ -44,4 +44,4 @@ def test_a_comparison_draws_and_lists_them() -> None:
     page = render_documents(document, found.maneuvers, steps, title="steps")
     assert "Step responses" in page
     assert "To 10 % [ms]" in page
-    assert "Step responses" not in render_documents(compare_document(found), found.maneuvers, title="none")
+    assert "Step responses" not in render_documents(compare_document(found, ()), found.maneuvers, title="none")

@@ -106,7 +106,7 @@ def test_shared_parameters_stand_in_a_row(unseen: Comparison) -> None:
 
 def test_every_picture_is_placed_and_drawn(page: Page) -> None:
     placed = page.attributes("data-picture")
-    assert placed == ["scores", "maneuver-0", "maneuver-1"]
+    assert placed == ["scores", "maneuver-0", "maneuver-1", "steps"]
     assert set(page.figures["pictures"]) == set(placed)
     names = {trace["name"] for trace in page.figures["pictures"]["maneuver-0"]["data"]}
     assert names == {"measured", "first", "second", "other"}
