@@ -24,6 +24,7 @@ from rotorid.flights.segments import holds, require_channels
 from rotorid.flights.selection import Selection
 from rotorid.flights.steady_wind import LEAST_LEAN_RAD, in_wind_of, mean_of
 from rotorid.models.expression import Expression
+from rotorid.models.families import known_names
 from rotorid.models.steady_wind import HEAVE_SHARE, HEAVE_SHARES, STEADY_DRAG, lean_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.settings.identifying import IdentifySettings
@@ -243,8 +244,15 @@ def _lacking(structure: LinearStructure, record: FlightRecord) -> str:
 
 
 def _outputs_there(structure: LinearStructure, records: Sequence[FlightRecord]) -> tuple[str, ...]:
-    """Outputs in every record: of estimated ones those as fast as the sensors."""
+    """Outputs in every record: of estimated ones those as fast as the sensors.
+
+    What can be computed from other channels counts where nothing is logged, and in a model of the user's own, whose
+    outputs were written down on purpose.
+    """
     there = [name for name in structure.outputs if all(name in record.channel_names for record in records)]
+    computed = [name for name in structure.outputs if name not in there and all(holds(one, name) for one in records)]
+    if computed and (not there or structure.name not in known_names()):
+        return tuple(name for name in structure.outputs if name in there or name in computed)
     if not there:
         # Rather the sentence that names the missing channel and what it could be made of.
         for record in records:

@@ -106,6 +106,17 @@ def test_an_output_that_can_be_reconstructed_may_be_asked_for() -> None:
     )
 
 
+def test_what_an_own_model_writes_down_is_computed_unasked() -> None:
+    library = LONGITUDINAL.select(outputs=("q", "u_dot"))
+    chosen = sweeps(ONE_RATE, ["pitch", "thrust"])
+    assert scoped(library, chosen, [ONE_RATE], IdentifySettings()).structure.outputs == ("q",)
+    own = replace(library, name="own")
+    assert scoped(own, chosen, [ONE_RATE], IdentifySettings()).structure.outputs == ("q", "u_dot")
+    # With no output logged, what can be computed is all that there is.
+    alone = LONGITUDINAL.select(outputs=("u_dot",))
+    assert scoped(alone, chosen, [ONE_RATE], IdentifySettings()).structure.outputs == ("u_dot",)
+
+
 def test_outputs_must_be_in_every_record() -> None:
     other = log(at_rest("imu", 200.0, "q", "ax", *COMMANDS), name="second.csv")
     scope = scoped(LONGITUDINAL, sweeps(AUTOPILOT, ["pitch", "thrust"]), [AUTOPILOT, other], IdentifySettings())
