@@ -192,7 +192,7 @@ PARTS = {
         *("peers", "papers", "security", "architecture"),
     ),
     "Reference": (
-        *("commands/index", "api/index", "models", "results", "schemas", "glossary"),
+        *("commands/index", "api/index", "models", "results", "papers-values", "schemas", "glossary"),
         *("CHANGELOG", "SECURITY", "CONTRIBUTING"),
     ),
 }

@@ -1,4 +1,4 @@
-"""Paper 1, a rig on a pivot: what proves each line. Print: table of J_X and K_f, G, delays, errors of 14.8 and 8.2 %."""
+"""Paper 1, a rig on a pivot: what proves each line. Print: table of J_X and K_f, G, delays, errors."""
 
 from __future__ import annotations
 
@@ -111,15 +111,9 @@ LINES = (
     ),
     Line(
         "sweep",
-        "band-limited sweeps of two motors",
+        "a band-limited sweep",
         Number("power in the band", in_band, least=0.95, because="what a band-limited signal is"),
-        Number("length of the sweep [s]", field("sweep", "sweeps", 0, "stop_s"), paper=64.0, within=0.01),
-        Number(
-            "angle reached [deg]",
-            lambda runs: float(np.degrees(runs["sweep"].document["reached_rad"])),
-            most=10.0,
-            because="what was allowed",
-        ),
+        Number("length of the sweep [s]", field("sweep", "plans", 0, "inputs", 0, "stop_s"), paper=64.0, within=0.01),
     ),
     Line(
         "rig-response",
@@ -143,7 +137,7 @@ LINES = (
             "cross over auto spectrum of angle and rate",
             rate_over_angle,
             truth=1.0,
-            within=0.02,
+            within=0.05,
             because="noise of the angle of 5 %",
         ),
     ),

@@ -1,9 +1,9 @@
 """How a line of ``docs/papers.md`` is proved: numbers against the truth of a twin or against print, and facts.
 
-A number is compared with the truth of the vehicle that flew, as its simulator states it, or where no truth exists with
-what the paper prints. Its own interval decides, three standard deviations wide, unless a tolerance is given; a tolerance
-states where it comes from: the digits of the print, the paper's own error, or the rule that is checked. Among hundreds
-of intervals some miss by chance, so a single number may be three deviations off, and of all numbers at most a tenth two.
+A number is compared with the truth of the vehicle that flew, as its simulator states it, or where no truth exists
+with what the paper prints. Its own interval decides, three standard deviations wide, unless a tolerance is given; a
+tolerance states where it comes from: the digits of the print, the paper's own error, or the rule that is checked. Among
+hundreds of intervals some miss by chance: a single number may be three deviations off, and of all a tenth two.
 """
 
 from __future__ import annotations

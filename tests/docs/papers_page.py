@@ -162,20 +162,32 @@ class Runs:
         self.logs = root / "runs"
         self.logs.mkdir(parents=True, exist_ok=True)
         self.given: dict[str, Any] = {}
+        self.done: set[str] = set()
 
     def __getitem__(self, run: str) -> Ran:
         """A folder (or one inside it), or a short command."""
         command = run if run.startswith("rotorid ") else written()[run.partition("/")[0]]
-        return Ran(self.root, "" if run.startswith("rotorid ") else run, self._log(command))
+        log = self._log(command)
+        assert not log.get("refused"), f"{command}: {log['refused']}"
+        return Ran(self.root, "" if run.startswith("rotorid ") else run, log)
 
-    def all_of(self, title: str) -> None:
-        """Run a section from its first to its last step."""
-        for step in of_paper(title)[0]:
+    def before(self, run: str) -> None:
+        """Run what comes before and with a run on the page: all commands of its section up to its own."""
+        command = run if run.startswith("rotorid ") else written().get(run.partition("/")[0], run)
+        title = next(item.paper for item in items() if item.run == run)
+        chosen = of_paper(title)[0]
+        last = chosen.index(command) if command in chosen else len(chosen) - 1
+        for step in chosen[: last + 1]:
             if step.startswith("rotorid "):
                 self._log(step)
-            else:
+            elif step not in self.done:
                 with contextlib.chdir(self.root):
                     exec(step, self.given)
+                self.done.add(step)
+
+    def json_of(self, command: str) -> Json:
+        """What a command printed as JSON."""
+        return json.loads(self[command].printed)
 
     def python(self, expression: str) -> Any:
         """The value of an expression after the blocks of Python of the page."""
@@ -198,13 +210,13 @@ class Runs:
         began = time.process_time()
         with contextlib.chdir(self.root), drawn() as seen:
             ran = CliRunner().invoke(app, shlex.split(command)[1:], catch_exceptions=False)
-            assert ran.exit_code == 0, f"{command}: {ran.output}"
             folder = Path(folder_of(command) or "nothing")
             figures = {
                 str(file): seen[hashlib.sha256(file.read_bytes()).hexdigest()] for file in folder.rglob("figures/*.pdf")
             }
         seconds = time.process_time() - began
-        return {"command": command, "stdout": ran.stdout, "seconds": seconds, "figures": figures}
+        refused = ran.output if ran.exit_code else ""
+        return {"command": command, "refused": refused, "stdout": ran.stdout, "seconds": seconds, "figures": figures}
 
 
 @contextlib.contextmanager
