@@ -2,22 +2,54 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import cache
+
 import pytest
-from tests.twins.flight_coverage import TWO_SIDED, WINDS, groups, judge
+from tests.twins.flight_coverage import WINDS, Judged, cell, groups, judge
 
-JUDGED = ("I_xx", "I_yy", "k_d", "hover.thrust_coefficient", "hover.thrust_slope")
+pytestmark = pytest.mark.slow
+
+SHARP = 1.2
+TOO_WIDE = "flights of a twin have one truth; stated errors contain the scatter that those of a real vehicle have"
 
 
-@pytest.mark.slow
-def test_intervals_of_speeds_contain_the_truth() -> None:
-    rows = [
-        row
-        for group in groups(WINDS, (47,))
-        if group.cases[0].motors == "speeds" and group.velocity and len(group.cases) == 1
-        for row in judge(group)
-        if row.name in JUDGED
-    ]
-    assert {row.name for row in rows} == set(JUDGED)
-    held = [abs(row.value - row.truth) <= TWO_SIDED * row.std for row in rows]
-    assert float(np.mean(held)) >= 0.90
+@cache
+def alone(motors: str) -> tuple[Judged, ...]:
+    """Numbers of sixteen flights, each identified alone."""
+    chosen = [one for one in groups(WINDS, (47,)) if one.kind == "alone" and one.cases[0].motors == motors]
+    return tuple(row for group in chosen for row in judge(group))
+
+
+@pytest.mark.parametrize("motors", ["speeds", "outputs"])
+def test_intervals_contain_the_truth(motors: str) -> None:
+    assert cell(alone(motors)).inside >= 0.90
+
+
+@pytest.mark.parametrize("motors", ["speeds", "outputs"])
+@pytest.mark.parametrize("name", ["I_xx", "I_yy", "k_d", "hover.thrust_coefficient", "hover.thrust_slope"])
+def test_intervals_of_each_number_contain_the_truth(motors: str, name: str) -> None:
+    rows = [row for row in alone(motors) if row.name == name]
+    assert len(rows) > 10
+    assert cell(rows).inside >= 0.90
+
+
+@pytest.mark.parametrize("motors", ["speeds", "outputs"])
+def test_random_errors_are_of_the_size_of_errors(motors: str) -> None:
+    """1.9 and 2.0; before slow gusts counted, 3.6 and 3.8."""
+    assert cell(alone(motors)).rms < 2.5
+
+
+@pytest.mark.parametrize("motors", ["speeds", "outputs"])
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="1.9 and 2.0: a controller answers gusts, which bends a thrust curve and holds torque down by a few percent",
+)
+def test_random_errors_are_sharp(motors: str) -> None:
+    assert cell(alone(motors)).rms < SHARP
+
+
+@pytest.mark.parametrize("motors", ["speeds", "outputs"])
+@pytest.mark.xfail(raises=AssertionError, strict=True, reason=TOO_WIDE)
+def test_stated_errors_are_sharp(motors: str) -> None:
+    assert cell(alone(motors)).stated_rms > 1.0 / SHARP
