@@ -19,7 +19,7 @@ from rotorid.data.display import listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.flight_plan import FlightPlan, PlannedInput
 from rotorid.data.record import FlightRecord
-from rotorid.errors import UsageError
+from rotorid.errors import RotoridError, UsageError
 from rotorid.excitation.plan import sequence
 from rotorid.models.input_units import identified_unit
 from rotorid.models.library import library_model
@@ -297,17 +297,20 @@ def _reached(settings: BenchSettings, plan: FlightPlan) -> float:
     return reached_rad
 
 
+_OF_ROLL = ("rig.roll", ("phi",), ("J_x",))
+_WHOLE = ("rig.attitude", ("phi", "theta", "psi"), ("K_f", "K_t"))
+"""Model, outputs and what is known of it, of a sweep of roll alone and of one of both axes."""
+
+
 def _expected(settings: BenchSettings, plan: FlightPlan) -> tuple[str, dict[str, ExpectedParameter]]:
     """The model that the plan supports, and its free parameters as one simulated log gives them."""
-    from rotorid.errors import RotoridError
     from rotorid.identifying.identification import identify
 
     if "roll" not in settings.axes:
         return "", {}
-    model = "rig.attitude" if "pitch" in settings.axes else "rig.roll"
-    outputs = ("phi", "theta", "psi") if model == "rig.attitude" else ("phi",)
+    model, outputs, fixed = _WHOLE if "pitch" in settings.axes else _OF_ROLL
     values = settings.system_values
-    fix = {name: values[name] for name in (("K_f", "K_t") if model == "rig.attitude" else ("J_x",))}
+    fix = {name: values[name] for name in fixed}
     record = flown_on_rig(plan, settings.seed, settings=settings)
     try:
         found = identify([record], model, outputs=outputs, fix=fix)

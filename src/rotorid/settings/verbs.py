@@ -16,7 +16,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "compare simulate stitch": "log",
         "delay": "input output",
         "demo": "keep-log",
-        "design": "entry for for-tune gains limit prior vehicle",
+        "design": "amplitude entry for for-tune gains limit prior vehicle",
         "design export review simulate tune vehicles": "set",
         "design simulate": "duration turbulence wind",
         "design simulate vehicles": "like",
