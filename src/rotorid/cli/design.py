@@ -175,7 +175,8 @@ def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
         f"plan: {place}, samples: {folder / 'plan.csv'}",
         f"card: {folder / 'bench-card.html'}",
     ]
-    if all(one.unit == "V" for one in document.sweeps):
+    # What simulate moves is the rig of the library.
+    if document.provenance.settings.get("prior") is None:
         lines.append(f"fly it in simulation: {shlex.join(['rotorid', 'simulate', RIG, '--plan', str(place)])}")
     console = output_console()
     for line in lines:

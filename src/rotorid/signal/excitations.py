@@ -459,7 +459,10 @@ def motor_excitations(record: FlightRecord) -> tuple[str, ...]:
 
 
 def _by_single_motors(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
-    """Excitations in which single motors were moved, as on a rig; each counts to the axis that turns most meanwhile."""
+    """Excitations in which single motors were moved, as on a rig; each counts to the axis that turns most meanwhile.
+
+    Of a bench without test inputs of their own, what drives the motors shows its sweeps, with feedback on top.
+    """
     found: list[Maneuver] = []
     for name in motor_excitations(record) or (driven_motors(record) if is_bench(record) else ()):
         moved = (m for m in _purposeful(record, axis, [name]) if _turns_most(record, m) == axis)
