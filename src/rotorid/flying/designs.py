@@ -27,7 +27,7 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError, reason
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
 from rotorid.flying.rehearsals import Rehearsal, failed_rehearsals, rehearsed
 from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
-from rotorid.flying.simulation import truth_of
+from rotorid.flying.simulation import logged_late_s, truth_of
 from rotorid.identifying.scope import INERTIAL
 from rotorid.io.registry import log_rate_hz
 from rotorid.models.families import family_of, named_model
@@ -77,11 +77,15 @@ def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None
     """
     known = {name: true.value for name, true in truth_of(craft).items()}
     known["T_motor"] = max(known["T_motor"], _SHORTEST_LAG_S)
+    # Of models of an axis: height of the accelerometer, and what it is later than the gyroscope.
+    known["z_imu"] = -craft.sensors.accelerometer_place_m[2]
+    for axis, name in (("pitch", "tau_ax"), ("roll", "tau_ay")):
+        known[name] = max(logged_late_s(craft, "thrust") - logged_late_s(craft, axis), 0.0)
     known |= dict(prior.values) if prior is not None else {}
     if missing := [name for name in model.parameters.free if name not in known]:
         raise ModelError(
             f"{craft.name} has no value of {', '.join(missing)}, which {model.name} needs",
-            needed="rate.* or hover.*",
+            needed="rate.*, axis.* or hover.*",
             remedy="or give the result of an earlier flight with --prior",
         )
     return {name: _inside(model, name, known[name]) for name in model.parameters.free}

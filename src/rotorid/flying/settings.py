@@ -580,7 +580,7 @@ class DesignSettings(Immutable):
         tuple[str, ...],
         Option(
             "--model",
-            "What will be identified: rate.*, hover.*, response.* [default: the rate model of each axis; behind "
+            "What will be identified: rate.*, axis.*, hover.*, response.* [default: the rate model of each axis; behind "
             "set-points response.second_order_delay] Repeatable.",
             "Predicted errors",
             LISTED,

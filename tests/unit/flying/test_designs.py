@@ -13,7 +13,7 @@ from rotorid.flying import designs
 from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
 from rotorid.flying.rehearsals import Rehearsal
 from rotorid.flying.settings import PlanSettings
-from rotorid.models.library import rate_model
+from rotorid.models.library import library_model, rate_model
 from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
 from rotorid.simulation.multirotor_flight import changed, fly_multirotor, piloted
@@ -148,3 +148,17 @@ def test_a_model_whose_prediction_fails_leaves_the_plan_and_is_named(monkeypatch
     foretold = designs._predict_plan(choices, unused, unused, rate_model("rate.roll"), unused, Rehearsal())
     assert foretold.prediction is None
     assert "KeyError" in foretold.refused
+
+
+@pytest.mark.parametrize("name", ["axis.roll", "axis.pitch", "axis.yaw", "axis.vertical"])
+def test_models_of_an_axis_are_known_as_those_of_hover(name: str) -> None:
+    craft = aircraft("px4_quad")
+    place = (0.0, 0.0, -0.03)
+    high = replace(craft, sensors=replace(craft.sensors, accelerometer_place_m=place))
+    found = designs.expected_values(library_model(name), high)
+    truth = designs.truth_of(high)
+    assert all(found[key] == pytest.approx(truth[key].value) for key in found if key in truth and key != "T_motor")
+    if "z_imu" in found:
+        # Above the center of gravity, where the axis points down.
+        assert found["z_imu"] == pytest.approx(0.03)
+        assert found["tau_ax" if name == "axis.pitch" else "tau_ay"] >= 0.0
