@@ -30,7 +30,7 @@ import numpy as np
 
 from rotorid.data.quantity import with_error
 from rotorid.flying.vehicle_numbers import UNITS, Source, VehicleNumber, label_of
-from rotorid.models.hover_layouts import HOVER
+from rotorid.models.families import family_of
 from rotorid.models.rotors import RotorLayout
 from rotorid.uncertainty.propagation import covariance_of
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -64,7 +64,7 @@ _OF: Mapping[str, tuple[str, ...]] = {
 def knows_hover(model: IdentifiedModel) -> bool:
     """Whether a result has the physics of a hovering vehicle."""
     kept = {name for name, found in model.parameters.items() if found.status != "dropped"}
-    return model.name == HOVER and {"m", "l", "c_T", "D", "rho", "k_n", "n_h"} <= kept
+    return family_of(model.structure).drags_by_rotors and {"m", "l", "c_T", "D", "rho", "k_n", "n_h"} <= kept
 
 
 def layout_of_hover(model: IdentifiedModel) -> RotorLayout | None:

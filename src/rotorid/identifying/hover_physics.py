@@ -16,6 +16,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.flights import Flight
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
+from rotorid.models.families import family_of
 from rotorid.models.hover_layouts import GEOMETRY, HOVER, physical_hover, plain_mixer
 from rotorid.models.rotors import RotorLayout
 from rotorid.models.structure import LinearStructure
@@ -80,7 +81,7 @@ def rotors_of_hover(name: str, flights: Sequence[Flight], settings: object) -> H
     settings
         Choices of the run.
     """
-    if name != HOVER or not flights or not isinstance(settings, IdentifySettings):
+    if not family_of(name).drags_by_rotors or not flights or not isinstance(settings, IdentifySettings):
         return None
     record = flights[0].record
     layout = _layout([record], settings)

@@ -19,7 +19,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "design": "amplitude entry for for-tune gains limit prior vehicle",
         "design export review simulate tune vehicles": "set",
         "design simulate": "duration turbulence wind",
-        "design simulate vehicles": "like",
+        "design export simulate vehicles": "like",
         "design track tune": "axis",
         "export": "delay-as-lag draws no-delay pade sample-rate to",
         "export vehicles": "name",
