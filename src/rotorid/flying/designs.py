@@ -27,7 +27,8 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError, reason
 from rotorid.excitation.plan import planned, sequence, together, uncorrelated_binaries
 from rotorid.flying.rehearsals import Rehearsal, failed_rehearsals, rehearsed
 from rotorid.flying.settings import DOUBLET_S, DesignSettings, PlanSettings
-from rotorid.flying.simulation import logged_late_s, truth_of
+from rotorid.flying.simulation import truth_of
+from rotorid.flying.vehicle_answers import logged_late_s
 from rotorid.identifying.scope import INERTIAL
 from rotorid.io.registry import log_rate_hz
 from rotorid.models.families import family_of, named_model
