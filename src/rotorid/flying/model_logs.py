@@ -52,7 +52,10 @@ _STICK: Mapping[str, tuple[tuple[str, float], ...]] = {
 }
 """What a full stick asks for, the first that a model has: tilt in rad, turn in rad/s, climb in m/s."""
 
-_ANGLES = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
+_HEADING_1_S = 3.0
+"""Turn in rad/s by error of the heading in rad."""
+
+_ANGLES = {"roll": "phi", "pitch": "theta", "yaw": "r"}
 _RATES = {"roll": "p", "pitch": "q", "yaw": "r"}
 
 TRIM: Mapping[str, float] = {"thrust_command": 0.5, "az": -STANDARD_GRAVITY_M_S2}
@@ -174,9 +177,11 @@ def fly_under_control(model: IdentifiedModel, plan: FlightPlan) -> ModelFlight:
             left.append(f"{planned.axis} by {planned.entry.replace('_', ' ')}")
             continue
         by_input, channel, factor = found
-        values = planned.at(time_s)
+        values = shown = planned.at(time_s)
+        if planned.entry == "attitude_setpoint" and planned.axis == "yaw":
+            channel, values = "psi_setpoint", _turning(shown, rate_hz)
         added += by_input[:, None] * values
-        asked[channel] = asked.get(channel, np.zeros(count)) + factor * values
+        asked[channel] = asked.get(channel, np.zeros(count)) + factor * shown
     if not added.any():
         raise UsageError(
             f"the plan moves {', '.join(dict.fromkeys(left))}, which {model.name} does not have",
@@ -194,6 +199,15 @@ def fly_under_control(model: IdentifiedModel, plan: FlightPlan) -> ModelFlight:
         asked={name: row[logged] for name, row in asked.items()},
         left=tuple(dict.fromkeys(left)),
     )
+
+
+def _turning(heading: FloatArray, rate_hz: float) -> FloatArray:
+    """The turn that a loop of a heading asks for, which models of rates do not have."""
+    from scipy.signal import lfilter
+
+    share = _HEADING_1_S / rate_hz
+    followed = lfilter([0.0, share], [1.0, share - 1.0], heading)
+    return np.asarray(_HEADING_1_S * (heading - followed))
 
 
 def _behind(system: StateSpace) -> FloatArray:

@@ -124,6 +124,14 @@ def test_hover_is_logged_as_it_is_measured() -> None:
     assert log.columns["thrust_command"][0] == pytest.approx(0.5)
 
 
+def test_a_heading_is_asked_for_as_a_rate() -> None:
+    own = model(rate_model("rate.yaw"), responses=False)
+    flight = fly_under_control(own, FlightPlan(name="one", inputs=(sweep("yaw", "attitude_setpoint", 0.2, 10.0),)))
+    assert flight.left == ()
+    assert set(flight.asked) == {"psi_setpoint"}
+    assert np.abs(flight.outputs["r"]).max() > 0.1
+
+
 def test_a_plan_that_moves_nothing_of_it_is_refused() -> None:
     own = airframe("rate.pitch", PITCH)
     roll = sweep("roll", "command", 0.1, 10.0)
