@@ -580,8 +580,8 @@ class DesignSettings(Immutable):
         tuple[str, ...],
         Option(
             "--model",
-            "What will be identified: rate.*, axis.*, hover.*, response.* [default: the rate model of each axis; behind "
-            "set-points response.second_order_delay] Repeatable.",
+            "What will be identified: rate.*, axis.*, hover.*, response.* [default: the rate model of each axis; "
+            "behind set-points response.second_order_delay] Repeatable.",
             "Predicted errors",
             LISTED,
         ),

@@ -13,6 +13,7 @@ from rotorid.flying import designs
 from rotorid.flying.designs import default_entry, equal_axes, plan_for, plan_with, sweep_of
 from rotorid.flying.rehearsals import Rehearsal
 from rotorid.flying.settings import PlanSettings
+from rotorid.flying.simulation import truth_of
 from rotorid.models.library import library_model, rate_model
 from rotorid.planning.amplitude import Limits, reached, usual_reached
 from rotorid.plans.ardupilot import system_id
@@ -156,7 +157,7 @@ def test_models_of_an_axis_are_known_as_those_of_hover(name: str) -> None:
     place = (0.0, 0.0, -0.03)
     high = replace(craft, sensors=replace(craft.sensors, accelerometer_place_m=place))
     found = designs.expected_values(library_model(name), high)
-    truth = designs.truth_of(high)
+    truth = truth_of(high)
     assert all(found[key] == pytest.approx(truth[key].value) for key in found if key in truth and key != "T_motor")
     if "z_imu" in found:
         # Above the center of gravity, where the axis points down.
