@@ -394,7 +394,9 @@ LINES = (
     Line(
         "rig-noise",
         "artificial noise",
-        Number("K_f, spread over noise [N/V]", field("rig-noise", "noise_runs", "parameters", "K_f", "std"), most=2.2e-3),
+        Number(
+            "K_f, spread over noise [N/V]", field("rig-noise", "noise_runs", "parameters", "K_f", "std"), most=2.2e-3
+        ),
         Fact("noise is added to the log", lambda runs: "--add-noise" in runs["rig-noise"].log["command"]),
     ),
     Line(

@@ -721,6 +721,9 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
             chains[output] = found[0]
         known = [f for source in sorted(sources) for f in filter_findings(flights[0].record, source)]
         findings += [_with_removal(finding, output, removed=bool(found[0])) for finding in known]
+        if not known:
+            message = f"Nothing was removed from {output}: by the parameters of the log it has passed no filter."
+            findings.append(remark("known_filter", output, message))
     remarked = replace(measured, findings=(*measured.findings, *findings))
     if not chains:
         return remarked
