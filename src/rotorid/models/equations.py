@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence, Set
 from typing import NamedTuple
 
@@ -70,7 +71,7 @@ def structure_from_equations(
         One for each state: a linear combination of derivatives, written with a prime, on the left; states and inputs
         on the right. Factors are expressions of parameters and constants. An algebraic equation has ``0`` on its left.
     outputs
-        A state's name, or ``name = ...`` with states and derivatives on the right.
+        A state's name, or ``name = ...`` with states, derivatives and inputs on the right.
     parameters
         Every parameter of the factors.
     delays
@@ -92,6 +93,7 @@ def structure_from_equations(
     >>> lag.matrices({"T": 0.1}).poles().real
     array([-10.])
     """
+    states, equations, outputs = with_direct_inputs(inputs, states, equations, outputs)
     symbols = Symbols(tuple(inputs), tuple(states), (*parameters.names, *(constants or {})))
     for symbol in (*inputs, *states, *symbols.coefficients):
         symbols.check(symbol)
@@ -119,6 +121,48 @@ def structure_from_equations(
         gain=gain,
         optional=tuple(optional),
         source=source,
+    )
+
+
+class Written(NamedTuple):
+    """States, equations and outputs as text."""
+
+    states: tuple[str, ...]
+    equations: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def with_direct_inputs(
+    inputs: Sequence[str], states: Sequence[str], equations: Sequence[str], outputs: Sequence[str]
+) -> Written:
+    r"""Equations in which inputs of outputs have a state each, which is the input at once.
+
+    An output with a direct term, :math:`y = H_0 x + J u`, is one of states alone where :math:`0 = u - x_u` is added:
+    such a state has no dynamics, and its input keeps its delay.
+
+    Parameters
+    ----------
+    inputs, states, equations, outputs
+        As for :func:`structure_from_equations`.
+
+    Examples
+    --------
+    >>> found = with_direct_inputs(["u"], ["x"], ["x' = -x + u"], ["y = x + 0.5*u"])
+    >>> found.states, found.equations[1], found.outputs
+    (('x', 'u_direct'), '0 = u - u_direct', ('y = x + 0.5*u_direct',))
+    """
+    written, direct = list(outputs), []
+    for name in inputs:
+        whole = re.compile(rf"(?<![\w.]){re.escape(name)}(?![\w'])")
+        for place, text in enumerate(written):
+            left, equal, right = text.partition("=")
+            if equal and whole.search(right):
+                written[place] = f"{left}={whole.sub(f'{name}_direct', right)}"
+                direct += [name] if name not in direct else []
+    return Written(
+        states=(*states, *(f"{name}_direct" for name in direct)),
+        equations=(*equations, *(f"0 = {name} - {name}_direct" for name in direct)),
+        outputs=tuple(written),
     )
 
 

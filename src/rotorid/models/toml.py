@@ -37,6 +37,7 @@ from rotorid.models.equations import (
     check_once,
     dynamic_rows,
     output_rows,
+    with_direct_inputs,
     written_equations,
     written_outputs,
 )
@@ -98,6 +99,7 @@ def from_toml(text: str, *, where: str = "the model") -> LinearStructure:
     source = Source(text=text, where=where)
     table = _table(source)
     _check_linear_keys(table, source)
+    table = _with_direct_inputs(table)
     model: _Equations | _Matrices
     model = _model(_Equations, table, source) if "equations" in table else _model(_Matrices, table, source)
     for name in model.constants:
@@ -194,6 +196,15 @@ def nonlinear_from_toml(text: str, *, where: str = "the model") -> NonlinearStru
             starts=starts,
             source=source.text_of(table.get("source", ""), ("source",)),
         )
+
+
+def _with_direct_inputs(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A table whose outputs name inputs, with a state for each of these; of wrong types it stays as it is."""
+    rows = [table.get(name) for name in ("inputs", "states", "equations", "outputs")]
+    if not all(isinstance(row, list) and all(isinstance(text, str) for text in row) for row in rows):
+        return dict(table)
+    written = with_direct_inputs(*rows)  # type: ignore[arg-type]
+    return {**table, **{name: list(texts) for name, texts in written._asdict().items()}}
 
 
 def to_toml(structure: LinearStructure, parameters: ParameterSet, std: Mapping[str, float]) -> str:
