@@ -392,7 +392,7 @@ def _check(records: Sequence[MotorRecord], airframe: Airframe, choices: FlightCh
     if bent and "c_2" not in choices.values:
         raise UsageError(
             f"of the thrust curve only {' and '.join(bent)} is known",
-            needed="all of it",
+            needed="c_0, c_1 and c_2",
             remedy="fix c_2 too, or leave the curve to the fit",
         )
     seconds = sum(record.duration_s for record in records)
