@@ -14,6 +14,7 @@ from tests.docs.papers_checks import (
     field,
     has_kind,
     no_kind,
+    of,
     parameter,
     printed,
     truth,
@@ -36,9 +37,9 @@ def log_column(runs: Runs, run: str, file: str, start: str) -> np.ndarray:
         return np.array([float(row[column]) for row in rows])
 
 
-def in_band(runs: Runs) -> float:
-    """Share of the power of the planned sweep that lies in the band that was asked for."""
-    signal = runs["sweep"].json("plan.json")["inputs"][0]
+def in_band(runs: Runs, which: int) -> float:
+    """Share of the power of a planned sweep that lies in the band that was asked for."""
+    signal = runs["sweep"].json("plan.json")["inputs"][which]
     power = abs(np.fft.rfft(signal["values"])) ** 2
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(signal["values"]), 1.0 / signal["sample_rate_hz"])
     return float(power[(omega >= 0.5 * 0.6) & (omega <= 1.2 * 12.0)].sum() / power.sum())
@@ -65,6 +66,18 @@ def misfit(runs: Runs, run: str, which: str) -> float:
     exact = true.response(file["omega_rad_s"])[0][: len(inputs)]
     off = abs(file[which][0] / exact - 1.0)
     return float(np.sqrt(0.5 * np.mean((off[used] / file["random_error"][0][used]) ** 2)))
+
+
+def independent_sweeps(runs: Runs) -> bool:
+    """Whether the two motors are swept each in its own way."""
+    first, second = runs["sweep"].json("plan.json")["inputs"]
+    alike = abs(np.corrcoef(first["values"], second["values"])[0, 1])
+    return {first["motor"], second["motor"]} == {"motor_3", "motor_4"} and bool(alike < 0.5)
+
+
+def expected_gain(runs: Runs) -> Estimate:
+    one = runs["sweep"].document["expected"]["K_f"]
+    return Estimate(one["value"], one["std"])
 
 
 def rate_over_angle(runs: Runs) -> float:
@@ -111,9 +124,16 @@ LINES = (
     ),
     Line(
         "sweep",
-        "a band-limited sweep",
-        Number("power in the band", in_band, least=0.95, because="what a band-limited signal is"),
-        Number("length of the sweep [s]", field("sweep", "plans", 0, "inputs", 0, "stop_s"), paper=64.0, within=0.01),
+        "band-limited sweeps of two motors",
+        *(Number(f"power in the band, sweep {one + 1}", of(in_band, one), least=0.95) for one in (0, 1)),
+        Number(
+            "largest angle [°]",
+            lambda runs: float(np.degrees(runs["sweep"].document["reached_rad"])),
+            most=10.0,
+            because="the limit",
+        ),
+        Fact("of two motors, not alike", independent_sweeps),
+        Number("K_f expected [N/V]", expected_gain, truth=truth("rig", "K_f")),
     ),
     Line(
         "rig-response",
@@ -121,7 +141,7 @@ LINES = (
         *(
             Number(
                 f"window {place + 1} [s]",
-                lambda runs, place=place: runs["rig-response"].document["windows_s"][place],
+                field("rig-response", "windows_s", place),
                 paper=asked,
                 within=0.5,
             )

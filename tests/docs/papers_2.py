@@ -15,6 +15,7 @@ from tests.docs.papers_checks import (
     drawn,
     field,
     has_kind,
+    of,
     parameter,
     printed,
     truth,
@@ -134,6 +135,13 @@ def misfit(
     return float(np.sqrt(0.5 * np.mean(off[used] ** 2)))
 
 
+def long_misfit(runs: Runs, output: str, input: str) -> float:
+    names = ("q", "u", "w", "theta", "ax", "az")
+    return misfit(
+        runs, "s500-response", (output, input), s500.longitudinal(), names, ("pitch_command", "thrust_command")
+    )
+
+
 def doublets(run: str, axis: str) -> Callable[[Runs], float]:
     """Least share of the main output that is explained in doublets of an axis, in open loop."""
     output = {"thrust": "az", "yaw": "r", "pitch": "q", "roll": "p"}[axis]
@@ -190,6 +198,16 @@ def lateness(runs: Runs) -> float:
     s = 20.0j
     found = (values["b1"] * s + values["b0"]) / (s**2 + values["a1"] * s + values["a0"]) * np.exp(-s * values["tau"])
     return float(-np.angle(found / s500.longitudinal().response(np.array([20.0]))[0, 0, 0]) / 20.0)
+
+
+def constants(runs: Runs) -> dict[str, float]:
+    found = runs[LONGITUDINAL].document["constants"]
+    return {name: float(one["value"] if isinstance(one, dict) else one) for name, one in found.items()}
+
+
+def kinematic(runs: Runs, channel: str, which: str) -> Estimate:
+    one = next(one for one in inspected(runs)["kinematics"] if one["channel"] == channel)
+    return Estimate(one[which], one[f"{which}_std"])
 
 
 LINES = (
@@ -458,7 +476,6 @@ LINES = (
                 one["held"] != "not" for one in runs["six-export"].document["quantities"] if "delay" in one["name"]
             ),
         ),
-        pending="the plant of the file lacks its delay of 40 ms",
     ),
     Line(
         "s500-joined",
@@ -524,14 +541,7 @@ LINES = (
         *(
             Number(
                 f"{output} over truth, in its errors",
-                lambda runs, output=output, input=input: misfit(
-                    runs,
-                    "s500-response",
-                    (output, input),
-                    s500.longitudinal(),
-                    ("q", "u", "w", "theta", "ax", "az"),
-                    ("pitch_command", "thrust_command"),
-                ),
+                of(long_misfit, output, input),
                 most=2.0,
             )
             for output, input in (("q", "pitch_command"), ("ax", "pitch_command"), ("az", "thrust_command"))
@@ -612,15 +622,10 @@ LINES = (
         "rotorid inspect s500/flight.ulg --json",
         "drift, bias",
         *(
-            Number(
-                f"scale of {name} against attitude", lambda runs, name=name: kinematic(runs, name, "scale"), truth=1.0
-            )
+            Number(f"scale of {name} against attitude", of(kinematic, name, "scale"), truth=1.0)
             for name in ("p", "q", "r")
         ),
-        *(
-            Number(f"bias of {name} [rad/s]", lambda runs, name=name: kinematic(runs, name, "bias"), truth=0.0)
-            for name in ("p", "q", "r")
-        ),
+        *(Number(f"bias of {name} [rad/s]", of(kinematic, name, "bias"), truth=0.0) for name in ("p", "q", "r")),
         Number(
             "skew of p between two topics [s]",
             lambda runs: inspected(runs)["skews"][0]["seconds"],
@@ -672,13 +677,3 @@ LINES = (
         printed("rotorid models hover.lateral", "L_p*p + L_r*r + L_v*v", "N_p*p + N_r*r + N_v*v", "Y_v*v", "phi' = p"),
     ),
 )
-
-
-def constants(runs: Runs) -> dict[str, float]:
-    found = runs[LONGITUDINAL].document["constants"]
-    return {name: float(one["value"] if isinstance(one, dict) else one) for name, one in found.items()}
-
-
-def kinematic(runs: Runs, channel: str, which: str) -> Estimate:
-    one = next(one for one in inspected(runs)["kinematics"] if one["channel"] == channel)
-    return Estimate(one[which], one[f"{which}_std"])

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from tests.docs.papers_checks import Estimate, Fact, Line, Number, drawn, field, has_kind, no_kind, parameter, truth
+from tests.docs.papers_checks import Estimate, Fact, Line, Number, drawn, field, has_kind, no_kind, of, parameter, truth
 from tests.docs.papers_page import Runs
 
+import rotorid
 from rotorid.models import check_inertia, check_mixer
 from rotorid.vehicles import hover_quadrotor, px4
 
@@ -46,8 +47,6 @@ def derived(run: str, name: str) -> Callable[[Runs], Estimate]:
 
 def leans(runs: Runs) -> float:
     """Acceleration to the north over that which thrust and attitude make, without the small angles of the paper."""
-    import rotorid
-
     record = rotorid.read(runs["px4"].folder / "flight.ulg")
     names = ("phi", "theta", "psi", "velocity_north", "velocity_down")
     history = rotorid.resample(record, channels=names, start_s=40.0, stop_s=90.0, sample_rate_hz=50.0).histories[0]
@@ -73,8 +72,6 @@ def noise_again(run: str, name: str) -> Callable[[Runs], Estimate]:
 
 
 def motor_range(runs: Runs) -> tuple[float, float]:
-    import rotorid
-
     record = rotorid.read(runs["px4"].folder / "flight.ulg")
     history = rotorid.resample(
         record, channels=("motor_1",), start_s=record.start_s + 1.0, stop_s=record.stop_s - 1.0, sample_rate_hz=100.0
@@ -82,8 +79,58 @@ def motor_range(runs: Runs) -> tuple[float, float]:
     return float(history["motor_1"].min()), float(history["motor_1"].max())
 
 
+def pulses(runs: Runs) -> tuple[float, float]:
+    """Ends of an output that a table holds as pulses, with the range that its mapping states."""
+    table, mapping = runs.root / "pulses.csv", runs.root / "pulses.toml"
+    width_us = 1500.0 + 400.0 * np.sin(0.1 * np.pi * np.arange(2000))
+    rows = "".join(f"{0.01 * k},{width},{np.sin(0.3 * k)}\n" for k, width in enumerate(width_us))
+    table.write_text(f"t,u0,gyro_y\n{rows}", encoding="utf-8")
+    mapping.write_text(
+        'clock = "t"\nchannels.q = "gyro_y [rad/s]"\nchannels.motor_1 = { source = "u0", range = [1100, 1900] }\n',
+        encoding="utf-8",
+    )
+    record = rotorid.read(table, mapping=mapping)
+    found = [
+        values
+        for topic in record.topics
+        for channel, values in zip(topic.channels, topic.values, strict=True)
+        if channel.name == "motor_1"
+    ]
+    return float(found[0].min()), float(found[0].max())
+
+
 def search_of(run: str) -> Callable[[Runs], Any]:
     return lambda runs: runs[run].document["search"]
+
+
+def run_mean(runs: Runs, name: str) -> Estimate:
+    one = runs["motors-runs"].document["noise_runs"]["parameters"][name]
+    return Estimate(one["mean"], one["std"])
+
+
+def run_spread(runs: Runs, name: str) -> float:
+    one = run_mean(runs, name)
+    return (one.std or 0.0) / one.value
+
+
+def log_ratio(runs: Runs, place: int) -> Estimate:
+    one = runs["motors-two"].document["motors"]["logs"][place]
+    return Estimate(one["ratio"], one["std"])
+
+
+def sih(runs: Runs, name: str) -> float:
+    """A parameter of the written file."""
+    text = next(
+        file
+        for file in runs["motors-export"].folder.iterdir()
+        if name in file.read_text(encoding="utf-8") and file.suffix != ".json"
+    )
+    words = (
+        next(line for line in text.read_text(encoding="utf-8").splitlines() if name in line).replace(",", " ").split()
+    )
+    return float(
+        next(word for word in reversed(words) if word.replace(".", "").replace("e-", "").isdigit() and "." in word)
+    )
 
 
 LINES = (
@@ -210,13 +257,13 @@ LINES = (
         "table 2",
         Number("runs", field("motors-runs", "noise_runs", "runs"), paper=100, within=0),
         *(
-            Number(f"{name}, mean of runs", lambda runs, name=name: run_mean(runs, name), truth=value)
+            Number(f"{name}, mean of runs", of(run_mean, name), truth=value)
             for name, value in (("I_xx", I_XX), ("I_yy", I_YY))
         ),
         *(
             Number(
                 f"{name}, spread of runs",
-                lambda runs, name=name: (run_mean(runs, name).std or 0.0) / run_mean(runs, name).value,
+                of(run_spread, name),
                 paper=SPREADS[name],
                 most=SPREADS[name],
             )
@@ -265,9 +312,7 @@ LINES = (
         *(
             Number(
                 f"thrust of log {place + 1} over the mean",
-                lambda runs, place=place: Estimate(
-                    *(runs["motors-two"].document["motors"]["logs"][place][key] for key in ("ratio", "std"))
-                ),
+                of(log_ratio, place),
                 truth=1.0,
             )
             for place in (0, 1)
@@ -318,29 +363,7 @@ LINES = (
         "output normalized",
         Number("lowest output", lambda runs: motor_range(runs)[0], least=0.0, most=0.2),
         Number("highest output", lambda runs: motor_range(runs)[1], least=0.8, most=1.0),
-        Fact(
-            "by the smallest and largest of the log", lambda runs: np.allclose(motor_range(runs), (0.0, 1.0), atol=0.01)
-        ),
-        pending="outputs keep the range of the autopilot",
+        Number("pulses as a share of their range, lowest", lambda runs: pulses(runs)[0], truth=0.0, within=1e-6),
+        Number("pulses as a share of their range, highest", lambda runs: pulses(runs)[1], truth=1.0, within=1e-6),
     ),
 )
-
-
-def run_mean(runs: Runs, name: str) -> Estimate:
-    one = runs["motors-runs"].document["noise_runs"]["parameters"][name]
-    return Estimate(one["mean"], one["std"])
-
-
-def sih(runs: Runs, name: str) -> float:
-    """A parameter of the written file."""
-    text = next(
-        file
-        for file in runs["motors-export"].folder.iterdir()
-        if name in file.read_text(encoding="utf-8") and file.suffix != ".json"
-    )
-    words = (
-        next(line for line in text.read_text(encoding="utf-8").splitlines() if name in line).replace(",", " ").split()
-    )
-    return float(
-        next(word for word in reversed(words) if word.replace(".", "").replace("e-", "").isdigit() and "." in word)
-    )

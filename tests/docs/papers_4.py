@@ -16,6 +16,7 @@ from tests.docs.papers_checks import (
     field,
     has_kind,
     no_kind,
+    of,
     parameter,
     printed,
     truth,
@@ -425,7 +426,7 @@ LINES = (
         *(
             Number(
                 name,
-                lambda runs, axis=axis, name=name: axis_parameter(runs, axis, name),
+                of(axis_parameter, axis, name),
                 truth=truth("hummingbird", name),
             )
             for axis, name in (("pitch", "M_pitch"), ("roll", "L_roll"), ("yaw", "N_yaw"), ("vertical", "Z_w"))
@@ -555,7 +556,7 @@ LINES = (
         *(
             Number(
                 f"{output} over truth, in its errors",
-                lambda runs, output=output: misfit(runs, "hummingbird-response", output),
+                of(misfit, "hummingbird-response", output),
                 most=1.5,
             )
             for output in ("q", "ax")
@@ -708,6 +709,5 @@ LINES = (
             within=1e-6,
             because="the identified one",
         ),
-        pending="inertia, thrust and torque of the file are those of the library",
     ),
 )

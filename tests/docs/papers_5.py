@@ -16,6 +16,7 @@ from tests.docs.papers_checks import (
     field,
     has_kind,
     no_kind,
+    of,
     parameter,
     printed,
 )
@@ -424,7 +425,7 @@ LINES = (
         *(
             Number(
                 f"{row}, on a log [%]",
-                lambda runs, row=row: score(runs, row, "on_logs_percent"),
+                of(score, row, "on_logs_percent"),
                 paper=TABLE_II[row],
                 least=TABLE_II[row],
             )
@@ -459,7 +460,7 @@ LINES = (
         *(
             Number(
                 f"{name}, mean of records [1/s]",
-                lambda runs, name=name: steady(runs, name).value,
+                of(steady, name),
                 truth=value,
                 paper=value,
                 within=spread,
@@ -500,7 +501,7 @@ LINES = (
         "bebop-flown",
         "figs 7 to 9",
         *(
-            Number(f"{name} explained [%]", lambda runs, name=name: flown_percent(runs, name), least=80.0)
+            Number(f"{name} explained [%]", of(flown_percent, name), least=80.0)
             for name in ("velocity_north", "velocity_east", "north", "east")
         ),
         Number(
@@ -521,8 +522,8 @@ LINES = (
         *(
             Number(
                 f"{name}, by a lag of second order [s]",
-                lambda runs, name=name: dead_time(runs, name),
-                truth=lambda runs, name=name: parameter("bebop-figures", f"tau_{name}")(runs).value,
+                of(dead_time, name),
+                truth=parameter("bebop-figures", f"tau_{name}"),
                 within=0.01,
                 because="the fit of the same order",
             )

@@ -148,6 +148,11 @@ def shown(estimate: Estimate) -> str:
     return f"{estimate.value:.4g}" if estimate.std is None else with_error(estimate.value, estimate.std)
 
 
+def of(found: Callable[..., Any], *given: Any) -> Callable[[Runs], Any]:
+    """A function of runs and more, with what is given."""
+    return lambda runs: found(runs, *given)
+
+
 def parameter(run: str, name: str) -> Callable[[Runs], Estimate]:
     """A parameter of a result with its standard deviation."""
 

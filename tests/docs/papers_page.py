@@ -254,9 +254,9 @@ def shown(cell: Any) -> Json:
 
 def _curve(label: object, x: Sequence[float], y: Sequence[float]) -> Json:
     try:
-        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        points = np.array([x, y], dtype=float)
     except (TypeError, ValueError):
         return {"label": str(label), "points": len(x), "x": None, "y": None}
-    seen = np.isfinite(x) & np.isfinite(y)
-    ends = [[float(one[seen].min()), float(one[seen].max())] if seen.any() else None for one in (x, y)]
+    seen = np.isfinite(points).all(axis=0)
+    ends = [[float(one[seen].min()), float(one[seen].max())] if seen.any() else None for one in points]
     return {"label": str(label), "points": int(seen.sum()), "x": ends[0], "y": ends[1]}

@@ -23,10 +23,8 @@ PAPERS: Mapping[str, Sequence[Line]] = {
 }
 HEAD = """# The five papers in numbers
 
-Reference: what each line of [the page of the papers](papers.md) gives, next to print and to the vehicle that flew.
-
-A standard deviation follows ±. Lines without numbers are checked for their content. `python -m
-tests.docs.papers_values` writes this page.
+Reference: what each line of [its page](papers.md) gives, next to print and to the vehicle that flew, with one standard
+deviation. Other lines are checked for their content.
 """
 COLUMNS = ("quantity", "paper", "truth", "ours", "rule")
 
