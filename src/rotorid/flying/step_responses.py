@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.errors import ModelError
+from rotorid.errors import RotoridError
 from rotorid.flying.flown_models import band_of, drawn_values, with_values
 from rotorid.models.structure import answers
 from rotorid.results.model import IdentifiedModel
@@ -170,7 +170,7 @@ def _answer(model: IdentifiedModel, row: int, time_s: FloatArray) -> FloatArray 
     inputs[row] = 1.0
     try:
         rows = simulate_linear(model.system, inputs, sample_rate_hz=1.0 / (time_s[1] - time_s[0]), hold="zero")
-    except ModelError:
+    except RotoridError:
         return None
     return rows if np.isfinite(rows).all() else None
 
