@@ -136,8 +136,8 @@ class Cell(NamedTuple):
 
     Parameters
     ----------
-    count
-        Of them.
+    numbers
+        How many.
     inside
         Share of stated intervals with the truth in them.
     rms
@@ -148,7 +148,7 @@ class Cell(NamedTuple):
         Of error over stated error.
     """
 
-    count: int
+    numbers: int
     inside: float
     rms: float
     ratio: float
@@ -164,15 +164,14 @@ def cell(rows: Sequence[Judged]) -> Cell:
     errors = np.array([row.value - row.truth for row in rows])
     stds = np.array([row.std for row in rows])
     noisy = [row for row in rows if row.random and not (row.missions == "slow" and row.name == "c_2")]
-    left, random, size = (
-        np.array([take(row) for row in noisy])
-        for take in (lambda row: row.value - row.truth, lambda row: row.random, lambda row: abs(row.truth or row.value))
-    )
+    left = np.array([row.value - row.truth for row in noisy])
+    random = np.array([row.random for row in noisy])
+    size = np.array([abs(row.truth or row.value) for row in noisy])
     return Cell(
         len(rows),
         float(np.mean(np.abs(errors) <= TWO_SIDED * stds)),
-        float(np.sqrt(np.mean((left / random) ** 2))),
-        float(np.median(random / size) / np.median(np.abs(left) / size)),
+        float(np.sqrt(np.mean((left / random) ** 2))) if noisy else math.nan,
+        float(np.median(random / size) / np.median(np.abs(left) / size)) if noisy else math.nan,
         float(np.sqrt(np.mean((errors / stds) ** 2))),
     )
 
