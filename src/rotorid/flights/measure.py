@@ -41,7 +41,7 @@ from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
 from rotorid.results.model import Segment
 from rotorid.results.summary import RemovedFilters
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
-from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.autopilot_filters import filter_findings, given_filters, known_filters
 from rotorid.signal.stamps import clock_error_s, largest_clock_s
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
@@ -729,6 +729,29 @@ def without_known_filters(measured: Measured, flights: Sequence[Flight]) -> Meas
         return remarked
     direct = None if measured.direct is None else corrected(measured.direct, chains)
     return replace(remarked, response=corrected(measured.response, chains), direct=direct, removed=chains)
+
+
+def given_filters_kept(
+    flights: Sequence[Flight], segments: Sequence[Segment], outputs: Sequence[str]
+) -> tuple[Finding, ...]:
+    """One remark for each output whose filters the user gave, of a result that contains them."""
+    findings = []
+    for output in outputs:
+        sources = sorted({source_of(segment, output) for segment in segments if output in segment.history.names})
+        given = [
+            finding
+            for source in sources
+            if given_filters(flights[0].record, source)
+            for finding in filter_findings(flights[0].record, source)
+            if finding.kind == "known_filter"
+        ]
+        for finding in given:
+            message = (
+                f"{finding.message.rstrip('.')}. It was not removed from {output}; --correct-filters removes it from "
+                "responses, and from models that are fitted to them."
+            )
+            findings.append(replace(finding, message=message))
+    return tuple(findings)
 
 
 def _with_removal(finding: Finding, output: str, *, removed: bool) -> Finding:

@@ -32,7 +32,7 @@ from rotorid.flights.selection import described, each_once, require_inside
 from rotorid.models.autopilots.layouts import layout_of, mixer_of
 from rotorid.models.rotors import RotorLayout
 from rotorid.settings.motors import MotorSettings, chosen_layout
-from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.autopilot_filters import filter_findings, given_filters, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
 from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES, ingredients
@@ -176,8 +176,8 @@ def _record(record: FlightRecord, motors: Motors, part: TimeHistory, strength: F
         az=part["az"],
         w=part["w"] if "w" in part.names else np.zeros(0),
         strength=strength,
-        gyro_taps=_taps(record, part, "p"),
-        accel_taps=_taps(record, part, "az"),
+        gyro_taps=_taps(record, part, RATES),
+        accel_taps=_taps(record, part, ("az", *ACCELERATIONS)),
         start_s=part.start_s,
         between="lines" if motors.history.kind == "speed" else "held",
         **{name: np.stack([part[row] for row in of]) for name, of in rows.items() if {*of} <= {*part.names}},
@@ -205,9 +205,18 @@ def _outputs(record: FlightRecord, motors: Motors, part: TimeHistory) -> FloatAr
     return np.asarray((1.0 - share) * sampled + share * following)
 
 
-def _taps(record: FlightRecord, part: TimeHistory, name: str) -> FloatArray:
-    """Impulse response of the known filters in front of a channel, at the rate of the record."""
-    filters = known_filters(record, part.channels[part.names.index(name)].source)
+def _taps(record: FlightRecord, part: TimeHistory, names: Sequence[str]) -> FloatArray:
+    """Impulse response of the known filters of a sensor, by the first of its channels, at the rate of the record."""
+    first, *others = (part.channels[part.names.index(name)] for name in dict.fromkeys(names) if name in part.names)
+    filters = known_filters(record, first.source)
+    given = given_filters(record, first.source)
+    for other in others:
+        if given_filters(record, other.source) != given:
+            raise UsageError(
+                f"{first.name} and {other.name} have different given filters",
+                needed="channels of one sensor behind the same filters",
+                remedy=f"give {first.name} and {other.name} the same --filter",
+            )
     if not filters:
         return np.ones(1)
     count = 2 * max(16, round(_RINGING_S * part.sample_rate_hz))

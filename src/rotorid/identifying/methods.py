@@ -54,7 +54,7 @@ from rotorid.flights.consistency import data_quality, sensor_agreement, sensor_e
 from rotorid.flights.coverage import covered_by
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
-from rotorid.flights.measure import Measured, filter_delays, measure
+from rotorid.flights.measure import Measured, filter_delays, given_filters_kept, measure
 from rotorid.flights.segments import TimeRecords, source_of, time_records
 from rotorid.flights.selection import Selection, select_records
 from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
@@ -330,6 +330,8 @@ class Frequency(_Linear[ResponseData]):
             settings = replace(settings, fix={**first.fix, **settings.fix}, pairs=own)
             findings += first.findings
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
+        if not settings.correct_filters:
+            findings += given_filters_kept(flights, measured.segments, structure.outputs)
         if sensors is not None:
             response = with_sensor_errors(measured.response, sensors.correction, flights, settings)
             measured = replace(measured, response=response)
@@ -500,7 +502,8 @@ class InTime(_Linear[TimeDomainData]):
         data = time_records(structure, selection.fitted, settings)
         of_vehicles = all(is_command(name) for name in structure.inputs)
         # No response to a set-point is about the lag of motors.
-        remarks = (finding for finding in data.findings if of_vehicles or "needed_hz" not in finding.numbers)
+        remarks = [finding for finding in data.findings if of_vehicles or "needed_hz" not in finding.numbers]
+        remarks += given_filters_kept(selection.fitted, data.segments, structure.outputs)
         agreement = sensor_agreement(selection.fitted)
         # A fit in time states random errors alone: of a contradiction only the refusal counts here.
         sensor_errors(agreement, structure.outputs)

@@ -29,7 +29,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fits.frequency.inverse import without_inverse_controller
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axes_of, axis_of, is_command, is_free
-from rotorid.flights.measure import Measured, feedback_bias, measure, without_known_filters
+from rotorid.flights.measure import Measured, feedback_bias, given_filters_kept, measure, without_known_filters
 from rotorid.flights.segments import require_known_names
 from rotorid.flights.selection import (
     by_stick,
@@ -471,6 +471,9 @@ def response(
     flown = measured
     if settings.correct_filters or settings.filters:
         measured = without_known_filters(measured, chosen.flown)
+    else:
+        kept = given_filters_kept(chosen.flown, measured.segments, outputs)
+        measured = replace(measured, findings=(*measured.findings, *kept))
     response = measured.response
     limit = settings.least_coherence(joint=response.estimate == "joint")
     trusted = measured.trusted_points(response, limit)

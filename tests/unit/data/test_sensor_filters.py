@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
 import rotorid
+from rotorid.data.axes import RATES
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.data.sensor_filters import SensorFilter, parse_filters, with_sensor_filters
 from rotorid.errors import UsageError
+from rotorid.flights import motor_data
 from rotorid.settings.parsing import parse_sensor_filters, write_sensor_filters
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
+from rotorid.signal.clock import resample
 from rotorid.typing import FloatArray
 
 RATE_HZ = 250.0
@@ -32,10 +36,10 @@ def record_of(channels: Mapping[str, FloatArray]) -> FlightRecord:
     return FlightRecord(source=Source(name="flight.csv", format="CSV", sha256=""), topics=(topic,))
 
 
-def sweep_record(gyro: SensorFilter | None = None) -> FlightRecord:
+def sweep_record(gyro: SensorFilter | None = None, *, duration_s: float = 40.0) -> FlightRecord:
     """A roll sweep of an open loop, its rate behind a filter that ran at the rate of the log."""
-    time_s = np.arange(0.0, 40.0, 1.0 / RATE_HZ)
-    command = 0.1 * np.asarray(chirp(time_s, 0.3, 40.0, 12.0, method="logarithmic"))
+    time_s = np.arange(0.0, duration_s, 1.0 / RATE_HZ)
+    command = 0.1 * np.asarray(chirp(time_s, 0.3, duration_s, 12.0, method="logarithmic"))
     pole = np.exp(-3.0 / RATE_HZ)
     p = lfilter([0.0, 100.0 / 3.0 * (1.0 - pole)], [1.0, -pole], command)
     p = p + 1e-3 * np.random.default_rng(1).standard_normal(time_s.size)
@@ -157,6 +161,25 @@ def test_a_mapping_gives_the_filter_of_a_channel(tmp_path: Path) -> None:
 def test_fits_in_time_refuse_a_filter() -> None:
     with pytest.raises(UsageError, match="--filter does not work in the time domain"):
         rotorid.identify(sweep_record(), "rate.roll", method="output_error", filters=parse_sensor_filters(["p=lp:60"]))
+
+
+@pytest.mark.parametrize("method", ["frequency", pytest.param("equation_error", marks=pytest.mark.slow)])
+def test_a_model_that_contains_the_filter_of_a_mapping_says_so(method: Literal["frequency", "equation_error"]) -> None:
+    (mapped,) = with_sensor_filters(
+        (sweep_record(duration_s=20.0),), parse_sensor_filters(["p=lp:60"]), option="the mapping"
+    )
+    result = rotorid.identify(mapped, "rate.roll", method=method)
+    (found,) = (finding for finding in result.findings if finding.kind == "known_filter")
+    assert "It was not removed from p; --correct-filters removes it from responses" in found.message
+
+
+def test_physical_models_need_one_filter_for_all_rates() -> None:
+    noise = 1e-3 * np.random.default_rng(2).standard_normal((4, 100))
+    record = record_of(dict(zip(("p", "q", "r", "az"), noise, strict=True)))
+    (given,) = with_sensor_filters((record,), parse_sensor_filters(["p=lp:60"]))
+    part = resample(given, channels=("p", "q", "r", "az"), start_s=0.0, stop_s=0.3).histories[0]
+    with pytest.raises(UsageError, match="p and q have different given filters"):
+        motor_data._taps(given, part, RATES)
 
 
 def test_a_filter_that_the_log_has_in_its_parameters_is_refused() -> None:
