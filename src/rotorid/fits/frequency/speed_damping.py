@@ -11,7 +11,8 @@ With the force of the command and the rate in it, the equation of motion along o
 .. math:: (s - X_u) \frac{\dot u}{\delta} = s \left( -g + X_q s \right) \frac{\theta}{\delta}
           + s X_{pitch} e^{-\tau s},
 
-between two measured responses to the command. It has no such bias: on flights of a published vehicle in gusts, whose
+between two measured responses to the command, with the other commands that were flown as inputs too: feedback moves
+them with the sweep. It has no such bias: on flights of a published vehicle in gusts, whose
 X_u is -0.25, it finds -0.25 over every band.
 """
 
@@ -25,6 +26,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import with_error
+from rotorid.data.record import AXES
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_costs, point_weights, within_bands
@@ -81,7 +83,7 @@ def first_step(structure: LinearStructure, flights: Sequence[Flight], settings: 
             needed="a model with one of them, such as hover.longitudinal",
         )
     of = _with_force if settings.speed_damping == "two_step_force" else _of_one_response
-    found = {name: of(name, flights, settings) for name in names}
+    found = {name: of(name, structure.inputs, flights, settings) for name in names}
     return FirstStep(
         fix={name: value for name, (value, _) in found.items()}, findings=tuple(f for _, f in found.values())
     )
@@ -93,12 +95,14 @@ def without_first(pairs: Mapping[str, tuple[float, float] | None]) -> dict[str, 
     return {name: band for name, band in pairs.items() if name not in first}
 
 
-def _chosen(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[list[Flight], IdentifySettings]:
-    """Maneuvers of the axis, and the choices without those of the second step."""
-    axis = _ROWS[name][0]
-    own = [flight for flight in flights if flight.axis == axis] or list(flights)
-    plain = replace(settings, instruments=(), pairs={}, pair_weights={}, shifts={}, correct_filters=False)
-    return own, plain
+def _of_axes(axes: Sequence[str], flights: Sequence[Flight]) -> list[Flight]:
+    """Maneuvers of these axes, or all where none is."""
+    return [flight for flight in flights if flight.axis in axes] or list(flights)
+
+
+def _plain(settings: IdentifySettings) -> IdentifySettings:
+    """The choices without those of the second step."""
+    return replace(settings, instruments=(), pairs={}, pair_weights={}, shifts={}, correct_filters=False)
 
 
 def _trusted(measured: Measured, name: str, settings: IdentifySettings) -> BoolArray:
@@ -112,10 +116,15 @@ def _trusted(measured: Measured, name: str, settings: IdentifySettings) -> BoolA
     return within_bands(used, data, every)
 
 
-def _of_one_response(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
+def _of_one_response(
+    name: str,
+    inputs: Sequence[str],  # noqa: ARG001 - as with the force of the command
+    flights: Sequence[Flight],
+    settings: IdentifySettings,
+) -> tuple[float, Finding]:
     output, source = FIRST_RESPONSES[name]
-    own, plain = _chosen(name, flights, settings)
-    measured = measure(own, inputs=(source,), outputs=(output,), settings=replace(plain, estimate="direct"))
+    own, alone = _of_axes((_ROWS[name][0],), flights), replace(_plain(settings), estimate="direct")
+    measured = measure(own, inputs=(source,), outputs=(output,), settings=alone)
     structure = speed_damping(output, source)
     used = _trusted(measured, name, settings)
     problem = FrequencyProblem(structure=structure, parameters=structure.parameters, data=measured.response, used=used)
@@ -176,13 +185,19 @@ class _Row(NamedTuple):
         return np.concatenate([off.real, off.imag])
 
 
-def _with_force(name: str, flights: Sequence[Flight], settings: IdentifySettings) -> tuple[float, Finding]:
+def _with_force(
+    name: str, inputs: Sequence[str], flights: Sequence[Flight], settings: IdentifySettings
+) -> tuple[float, Finding]:
     from scipy.optimize import least_squares
 
     output, source = FIRST_RESPONSES[name]
     axis, sign, force, of_rate = _ROWS[name]
-    own, plain = _chosen(name, flights, settings)
-    measured = measure(own, inputs=(f"{axis}_command",), outputs=(output, source), settings=plain)
+    # Feedback moves the other commands with the sweep, and what they do is no answer to this one.
+    flown = {flight.axis for flight in flights}
+    axes = (axis, *(other for other in AXES if other in flown - {axis} and f"{other}_command" in inputs))
+    axes = axes if axis in flown else (axis,)
+    commands = tuple(f"{one}_command" for one in axes)
+    measured = measure(_of_axes(axes, flights), inputs=commands, outputs=(output, source), settings=_plain(settings))
     data, used = measured.response, _trusted(measured, name, settings)
     known = used[:, 0].all(axis=0)
     omega = data.omega_rad_s[known]
@@ -207,7 +222,7 @@ def _with_force(name: str, flights: Sequence[Flight], settings: IdentifySettings
     )
     variance = _variance(np.asarray(found.jac, dtype=np.float64), found.fun, omega)
     value, std = float(found.x[0]), float(np.sqrt(variance[0]))
-    weights = point_weights(data, used)[:1, :, known]
+    weights = point_weights(data, used)[:1, :1, known]
     cost = float(pair_costs(row.predicted(found.x)[None, None], row.speed[None, None], weights)[0, 0])
     _require_acceptable(name, cost, omega, "use --speed-damping joint")
     return value, remark(

@@ -76,6 +76,42 @@ def pushed_flight(*, of_rate: float = -0.08, force: float = -7.0, delay_s: float
     return Flight(record, Maneuver(axis="pitch", kind="random_binary", start_s=0.0, stop_s=stop_s, origin="found"))
 
 
+def pushed_flights(*, by_thrust: float) -> list[Flight]:
+    """Pitch, which feedback answers with a thrust that pushes too, then thrust alone."""
+    rng = np.random.default_rng(8)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(SAMPLES, 1.0 / RATE_HZ)
+    s = 1j * omega
+    parts: list[dict[str, FloatArray]] = []
+    axes: tuple[Axis, ...] = ("pitch", "thrust")
+    for axis in axes:
+        free = [np.fft.rfft(rng.standard_normal(SAMPLES)) * (omega > 0.0) * (omega < 8.0 * np.pi) for _ in axes]
+        command, thrust = free * np.where(np.array(axes) == axis, 1.0, 0.05)[:, None]
+        theta = 60.0 / (s + 1.0) ** 2 * command
+        thrust = thrust + 0.2 * theta
+        speed = s * (-STANDARD_GRAVITY_M_S2 * theta - 7.0 * command + by_thrust * thrust) / (s - X_U)
+        spectra = {"pitch_command": command, "thrust_command": thrust, "theta": theta, "u_dot": speed}
+        parts.append({name: np.fft.irfft(one, SAMPLES) for name, one in spectra.items()})
+    values = np.stack([np.concatenate([part[name] for part in parts]) for name in parts[0]])
+    values[2:] += 0.01 * np.std(values[2:], axis=1, keepdims=True) * rng.standard_normal((2, 2 * SAMPLES))
+    topic = Topic(
+        name="log",
+        time_s=np.arange(2 * SAMPLES) / RATE_HZ,
+        channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in parts[0]),
+        values=values,
+    )
+    record = FlightRecord(source=Source(name="flight.csv", format="CSV", sha256="a"), topics=(topic,))
+    length_s = SAMPLES / RATE_HZ
+    return [
+        Flight(
+            record,
+            Maneuver(
+                axis=axis, kind="random_binary", start_s=place * length_s, stop_s=(place + 1) * length_s, origin="found"
+            ),
+        )
+        for place, axis in enumerate(axes)
+    ]
+
+
 def step(model: str, flown: list[Flight], **choices: object) -> FirstStep:
     choices = {"speed_damping": "two_step"} | choices
     return first_step(library_model(model), flown, IdentifySettings(**choices))  # type: ignore[arg-type]
@@ -131,6 +167,16 @@ def test_a_force_of_the_command_has_its_place_in_the_form_that_has_it() -> None:
     assert abs(first.fix["X_u"] - X_U) <= 3.0 * finding.numbers["std"]
     assert finding.numbers["std"] < 0.1 * abs(X_U)
     assert finding.numbers["cost"] < 10.0
+
+
+def test_what_another_command_does_meanwhile_is_no_part_of_it() -> None:
+    # Over the pitch command alone the response holds what feedback made of the thrust.
+    flown = pushed_flights(by_thrust=-20.0)
+    (finding,) = step("hover.longitudinal", flown, speed_damping="two_step_force").findings
+    assert abs(finding.numbers["value"] - X_U) <= 3.0 * finding.numbers["std"]
+    assert finding.numbers["std"] < 0.1 * abs(X_U)
+    with pytest.raises(InsufficientDataError, match="does not show X_u"):
+        step("hover.longitudinal", flown[:1], speed_damping="two_step_force")
 
 
 def test_a_first_step_that_does_not_fit_is_refused() -> None:
