@@ -21,6 +21,7 @@ from rotorid.settings.option import Option
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from rotorid.data.record import FlightRecord
     from rotorid.documents.tune import AxisTuneDocument, TuneDocument
     from rotorid.documents.tune_check import TuneCheckDocument
     from rotorid.plot.curves import Frequency
@@ -50,15 +51,35 @@ def tune_command(
             metavar="PROPOSAL",
         ),
     ] = None,
+    judge: Annotated[
+        Path | None,
+        Option(
+            "--judge",
+            "Judge the gains in this file: .params, .param, diff, dump, or lines such as roll: P=0.1 D=0.002.",
+            "Judging",
+            metavar="FILE",
+        ),
+    ] = None,
     map: Map = None,
     output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Propose better gains from a flight, with files to load into the autopilot and to go back."""
     from rotorid.documents.tune import TUNE, refused_tune_document, tune_document
+    from rotorid.proposing.judging import load_gains
     from rotorid.proposing.proposal import refused_tuning, tune
 
     models, logs = _models_and_logs(given)
+    if check is not None and judge is not None:
+        raise UsageError("--check and --judge exclude each other", remedy="give one of them")
+    foreign = None if judge is None else load_gains(judge)
+    verdicts: list[str] = []
+
+    def compute(records: Sequence[FlightRecord]) -> TuningProposal:
+        proposal = tune(models, records, settings=settings, judge=foreign)
+        verdicts.extend([proposal.judged.verdict] if proposal.judged is not None else [])
+        return proposal
+
     if check is not None:
         _check(check, models, logs, settings, map, output, paper)
         return
@@ -69,12 +90,17 @@ def tune_command(
         paper=paper,
         folder=default_folder(logs or given, "tune"),
         file=TUNE,
-        compute=lambda records: tune(models, records, settings=settings),
+        compute=compute,
         write=lambda folder, proposal: _write(folder, proposal, given, output.out),
-        refused=lambda error, records: refused_tune_document(refused_tuning(error, records, settings)),
+        refused=lambda error, records: refused_tune_document(
+            refused_tuning(error, records, settings), judging="" if foreign is None else foreign.name
+        ),
         document=tune_document,
         show=partial(_print, given=given),
     )
+    # Scripts fly only what may fly.
+    if any(verdict not in ("fly", "gently") for verdict in verdicts):
+        raise typer.Exit(1)
 
 
 def _check(
@@ -136,6 +162,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     from rotorid.report.tune_words import (
         axis_sentence,
         following,
+        judged_sentences,
         limit_sentences,
         limiting,
         margin_lines,
@@ -148,6 +175,10 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     def line(text: str, *, wrap: bool = True) -> None:
         console.print(text, highlight=False, markup=False, soft_wrap=not wrap)
 
+    for sentence in judged_sentences(document):
+        line(sentence)
+    if document.judged is not None:
+        line("\nGains that rotorid proposes instead:" if document.changed else "")
     for axis, tuning in document.axes.items():
         line(axis_sentence(axis, tuning))
         if limits := limiting(tuning):

@@ -413,6 +413,11 @@ KINDS: Mapping[str, Kind] = {
         "Simulated in pieces",
         "The simulation restarts every few seconds because its errors would grow too large.",
     ),
+    "gains_left_out": Kind(
+        "info",
+        "Parameters were not judged",
+        "No rate or angle loop depends on these parameters of a file of gains, so they were not judged.",
+    ),
     "gains_differ": Kind("warning", "Logs of different gains", "Logs tuned together were flown with different gains."),
     "gap": Kind("warning", "Gap in the data", "Samples are missing."),
     "hard_landing": Kind("warning", "Hard landing", "The specific force at touchdown was that of a hard landing."),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,8 +12,10 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.loops.rate_loops import shown_quantities
+from rotorid.proposing.judging import AxisJudgment, JudgedGains
 from rotorid.proposing.proposal import AxisTuning, PathStep, TuningProposal
 from rotorid.results.model import Refused
+from rotorid.tuning.judging import LoopVerdict, Verdict
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis
@@ -96,8 +98,70 @@ class AxisTuneDocument(Document):
     notes: list[str] = Field(default_factory=list)
 
 
+class BreakingDocument(Document):
+    """The likely plant that decides a verdict: where its sensitivity peaks, and its response over the likeliest there.
+
+    ``sensitivity_peak`` is absent where its loop is unstable; ``situation`` names an end of the throttle or of D.
+    """
+
+    loop: Literal["rate", "whole"]
+    situation: str = ""
+    omega_rad_s: float
+    sensitivity_peak: float | None = None
+    gain: float
+    phase_deg: float
+
+
+class VerdictDocument(Document):
+    """A verdict on gains, by the larger sensitivity peak of both loops over the likely plants.
+
+    ``usual_peak``, ``peak_90`` and ``peak_95`` are its median and quantiles, absent where a loop is unstable there;
+    ``unstable`` is the share of plants with an unstable loop. ``known_to_rad_s`` is the end of the band to measure,
+    where the data do not suffice.
+    """
+
+    verdict: Verdict
+    usual_peak: float | None = None
+    peak_90: float | None = None
+    peak_95: float | None = None
+    unstable: float | None = None
+    noisy: bool = False
+    breaking: BreakingDocument | None = None
+    known_to_rad_s: float | None = None
+
+
+class AxisJudgedDocument(VerdictDocument):
+    """Foreign gains on an axis: their verdict, their margins, and what to lower.
+
+    ``rate``, ``whole`` and ``attitude`` have the margins as ``proposed``, ``proposed_whole`` and ``proposed_attitude``
+    have them for proposed gains; ``lower`` has values of parameters with which the loops may fly.
+    """
+
+    rate: dict[str, QuantityDocument] = Field(default_factory=dict)
+    whole: dict[str, QuantityDocument] = Field(default_factory=dict)
+    attitude: dict[str, QuantityDocument] = Field(default_factory=dict)
+    attitude_ratio: QuantityDocument | None = None
+    noise_ratio: float | None = None
+    noise: float | None = None
+    gains: dict[str, GainDocument] = Field(default_factory=dict)
+    lower: dict[str, float] = Field(default_factory=dict)
+    reasons: list[str] = Field(default_factory=list)
+
+
+class JudgedDocument(Document):
+    """The verdict on the gains of a file: that of every axis that they may change, and the worst of them."""
+
+    source: str = ""
+    axes: dict[Axis, AxisJudgedDocument] = Field(default_factory=dict)
+    verdict: Verdict
+
+
 class TuneDocument(Document):
-    """``tune.json``: a proposal, its files, and the files to go back; ``robustness`` is the limit in words."""
+    """``tune.json``: a proposal, its files, and the files to go back; ``robustness`` is the limit in words.
+
+    ``judged`` is there where foreign gains were judged; ``breaks`` has the likely plants that break
+    their axes: gain and phase over the likeliest plant, at the frequency where the loop breaks.
+    """
 
     schema_name: Annotated[Literal["rotorid.tune/1"], Field(alias="schema")] = "rotorid.tune/1"
     autopilot: str = ""
@@ -109,6 +173,8 @@ class TuneDocument(Document):
     scale: float | None = None
     files: list[str] = Field(default_factory=list)
     rollback_files: list[str] = Field(default_factory=list)
+    judged: JudgedDocument | None = None
+    breaks: dict[str, float] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 
@@ -125,14 +191,23 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
         scale=proposal.scale,
         files=list(proposal.files),
         rollback_files=list(proposal.rollback_files),
+        judged=None if proposal.judged is None else _judged(proposal.judged),
+        breaks={} if proposal.judged is None else _breaks(proposal.judged),
         findings=[FindingDocument.model_validate(finding) for finding in proposal.findings],
         provenance=ProvenanceDocument.model_validate(proposal.provenance),
     )
 
 
-def refused_tune_document(refused: Refused) -> TuneDocument:
-    """The document of flights that support no gains; its findings give the reasons."""
+def refused_tune_document(refused: Refused, *, judging: str = "") -> TuneDocument:
+    """The document of flights that support no gains; its findings give the reasons.
+
+    Parameters
+    ----------
+    judging
+        Name of the file whose gains were to be judged.
+    """
     return TuneDocument(
+        judged=JudgedDocument(source=judging, verdict="not_enough_data") if judging else None,
         findings=[FindingDocument.model_validate(finding) for finding in refused.findings],
         provenance=ProvenanceDocument.model_validate(refused.provenance),
     )
@@ -146,6 +221,8 @@ def tune_arrays(proposal: TuningProposal) -> dict[str, np.ndarray]:
         found |= {f"{axis}/loops/{name}": np.asarray(loop) for name, loop in tuning.loops.items()}
         found |= {f"{axis}/responses/{name}": np.asarray(row) for name, row in tuning.responses.items()}
         found |= {f"{axis}/steps/{name}": np.asarray(step) for name, step in tuning.steps.items()}
+    for axis, judged in proposal.judged.axes.items() if proposal.judged is not None else ():
+        found |= {f"{axis}/judged/{name}": np.asarray(step) for name, step in judged.steps.items()}
     return found
 
 
@@ -185,6 +262,66 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
         noise_ratio=scores.noise / flown.noise,
         sweep_to_rad_s=sweep_to_rad_s,
     )
+
+
+def verdict_fields(found: LoopVerdict) -> dict[str, Any]:
+    """A verdict as :class:`VerdictDocument` has it."""
+    return {
+        "verdict": found.verdict,
+        "usual_peak": finite(found.usual_peak),
+        "peak_90": finite(found.refused_peak),
+        "peak_95": finite(found.safe_peak),
+        "unstable": found.unstable,
+        "noisy": found.noisy,
+        "known_to_rad_s": found.known_to_rad_s or None,
+        "breaking": BreakingDocument(
+            loop=found.breaking.loop,
+            situation=found.breaking.situation,
+            omega_rad_s=found.breaking.omega_rad_s,
+            sensitivity_peak=finite(found.breaking.sensitivity_peak),
+            gain=found.breaking.gain,
+            phase_deg=found.breaking.phase_deg,
+        ),
+    }
+
+
+def finite(value: float) -> float | None:
+    """A number, or none where it is infinite."""
+    return value if np.isfinite(value) else None
+
+
+def _judged(gains: JudgedGains) -> JudgedDocument:
+    axes = {axis: _judged_axis(found) for axis, found in gains.axes.items()}
+    axes |= {axis: AxisJudgedDocument(verdict="not_enough_data", reasons=[why]) for axis, why in gains.unknown.items()}
+    return JudgedDocument(source=gains.source, axes=axes, verdict=gains.verdict)
+
+
+def _judged_axis(found: AxisJudgment) -> AxisJudgedDocument:
+    scores = found.judged
+    return AxisJudgedDocument(
+        **{**verdict_fields(found.found), "verdict": found.verdict},
+        rate=quantity_documents(quantities(scores.rate)),
+        whole=quantity_documents(quantities(scores.whole)),
+        attitude=quantity_documents(quantities(scores.attitude)),
+        attitude_ratio=QuantityDocument.model_validate(over_draws(scores.attitude_rms / found.flown.attitude_rms, "1")),
+        noise_ratio=found.noise.ratio,
+        noise=found.noise.rms,
+        gains={
+            name: GainDocument(flown=flown, proposed=foreign) for name, (flown, foreign) in found.parameters.items()
+        },
+        lower=dict(found.lower),
+        reasons=list(found.reasons),
+    )
+
+
+def _breaks(gains: JudgedGains) -> dict[str, float]:
+    """For every axis not to be flown the likely plant that breaks it; empty where there is none."""
+    broken = {axis: found for axis, found in gains.axes.items() if found.verdict == "do_not_fly"}
+    found: dict[str, float] = {}
+    for axis, one in broken.items():
+        plant = one.found.breaking
+        found |= {f"{axis}_gain": plant.gain, f"{axis}_phase_deg": plant.phase_deg, f"{axis}_rad_s": plant.omega_rad_s}
+    return found
 
 
 def quantity_documents(found: Mapping[str, Quantity]) -> dict[str, QuantityDocument]:

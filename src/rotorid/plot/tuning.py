@@ -11,7 +11,14 @@ from rotorid.plot.curves import Frequency, Magnitude, Style, View, band, decibel
 from rotorid.plot.figure import MEASURED, MODEL, Figure, Panel, Trace, stacked, translucent
 from rotorid.typing import FloatArray
 
-_COLORS = {"flown": MEASURED, "proposed": MODEL, "chosen": MODEL, "measured": MEASURED, "predicted": MODEL}
+_COLORS = {
+    "flown": MEASURED,
+    "proposed": MODEL,
+    "chosen": MODEL,
+    "judged": MODEL,
+    "measured": MEASURED,
+    "predicted": MODEL,
+}
 _DASHES = dict.fromkeys(("flown", "measured"), "solid")
 _OPACITY = 0.2
 _HEIGHT_PX = 260.0
@@ -28,7 +35,7 @@ def steps(time_s: FloatArray, answers: Mapping[str, Band], *, axis: str) -> Figu
     time_s
         Shape ``(n,)``.
     answers
-        ``flown`` and ``proposed`` to their bands, each edge of shape ``(n,)``.
+        ``flown`` and ``proposed`` or ``judged`` to their bands, each edge of shape ``(n,)``.
     axis
         For the label.
     """

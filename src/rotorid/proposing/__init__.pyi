@@ -1,6 +1,9 @@
 from rotorid.proposing.check import CheckedTuning as CheckedTuning
 from rotorid.proposing.check import Foretold as Foretold
 from rotorid.proposing.check import check_tuning as check_tuning
+from rotorid.proposing.judging import JudgedGains as JudgedGains
+from rotorid.proposing.judging import judge_gains as judge_gains
+from rotorid.proposing.judging import load_gains as load_gains
 from rotorid.proposing.proposal import TuningProposal as TuningProposal
 from rotorid.proposing.proposal import tune as tune
 from rotorid.proposing.settings import TuneSettings as TuneSettings

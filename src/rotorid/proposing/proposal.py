@@ -13,6 +13,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,10 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, needed_rad_s
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import LoggedLoop, at_ends, flown_controllers, settings_records
+from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
+from rotorid.proposing.steps import attitude_steps, step_times_s
 from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.results.model import IdentifiedModel, Records, Refused
 from rotorid.results.provenance import Provenance, provenance
@@ -42,6 +45,7 @@ from rotorid.settings.option import as_settings
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
+from rotorid.tuning.gain_files import GainFile
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
@@ -54,7 +58,6 @@ FULL_SCALE_M = 16.4
 
 _NEARLY = 1.15
 _SAME_GAIN = 1e-3
-_STEP_RATE_HZ, _STEP_SAMPLES, _STEP_SHOWN_S = 250.0, 4096, 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,6 +175,8 @@ class TuningProposal(Immutable):
         Scale factor to a full-size helicopter, where it is known.
     robustness
         Requested largest sensitivity peak.
+    judged
+        The verdict on foreign gains, where some were given.
     files, rollback_files
         Name of each file to its text: proposed gains, and the flown ones.
     findings
@@ -190,6 +195,7 @@ class TuningProposal(Immutable):
     findings: tuple[Finding, ...]
     provenance: Provenance
     robustness: float = ROBUSTNESS
+    judged: JudgedGains | None = None
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
@@ -225,6 +231,7 @@ def tune(
     records: Records = (),
     *,
     settings: TuneSettings | None = None,
+    judge: GainFile | Path | str | None = None,
     **options: Any,
 ) -> TuningProposal:
     """Propose gains of roll, pitch and yaw.
@@ -239,6 +246,8 @@ def tune(
         Logs, whose parameters give the flown controller.
     settings
         Choices; everything has a default.
+    judge
+        File with foreign gains, on which a verdict is wanted.
     **options
         Fields of :class:`TuneSettings`, which go before ``settings``.
 
@@ -259,6 +268,7 @@ def tune(
     chosen = as_settings(TuneSettings, settings, options)
     logs = as_records(records)
     given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
+    foreign = judge if judge is None or isinstance(judge, GainFile) else load_gains(judge)
     if not given and not logs:
         raise UsageError("nothing to tune", remedy="give logs, results of identify, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
@@ -281,6 +291,12 @@ def tune(
             # What fails on one axis ends no other.
             refused[axis], remarks = _refused(axis, failure)
             findings += [finding for finding in remarks if finding not in findings]
+    verdict = None
+    if foreign is not None and known:
+        verdict = judge_gains(
+            foreign, known, refused, gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0)
+        )
+        findings += verdict.findings
     while known:
         try:
             axes, shared = _axes(known, chosen, thrust)
@@ -318,7 +334,7 @@ def tune(
             wishes=Wishes(sensitivity_peak=chosen.robustness),
             **look,
         )
-    return _together(axes, findings, logs, given, chosen, thrust)
+    return replace(_together(axes, findings, logs, given, chosen, thrust), judged=verdict)
 
 
 class _AxisError(Exception):
@@ -571,20 +587,9 @@ def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str,
 
 def _steps(flown: LoggedLoop, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
     """Step response of the attitude with both gains, on all plants."""
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_STEP_SAMPLES, 1.0 / _STEP_RATE_HZ), dtype=np.float64)
-    omega[0] = omega[1] * 1e-3
-    drawn = plant.drawn(omega)
-    count = round(_STEP_SHOWN_S * _STEP_RATE_HZ)
-    steps = {}
-    for name, parts, gains in (
-        ("flown", flown.parts(omega), found.flown.gains),
-        ("proposed", flown.parts(omega, then=then), found.proposed.gains),
-    ):
-        by_setpoint = drawn * (parts.angle(gains) if gains.A > 0.0 else parts.rate(gains))
-        answer = by_setpoint / (1.0 + drawn * parts.whole(gains))
-        impulse = np.fft.irfft(answer, n=_STEP_SAMPLES, axis=1)
-        steps[name] = np.cumsum(impulse, axis=1)[:, :count]
-    return {"step_s": np.arange(count) / _STEP_RATE_HZ, "steps": steps}
+    sets = {"flown": (None, found.flown.gains), "proposed": (then, found.proposed.gains)}
+    steps = {name: attitude_steps(flown, plant, gains, then=record) for name, (record, gains) in sets.items()}
+    return {"step_s": step_times_s(), "steps": steps}
 
 
 def _together(

@@ -22,11 +22,13 @@ from rotorid.models.autopilots.gains import parameters_of
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
+from rotorid.proposing.steps import step_times_s
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     LOOP_WORDS,
     following,
+    judged_sentences,
     limit_sentences,
     limiting,
     margin_lines,
@@ -37,6 +39,7 @@ from rotorid.report.tune_words import (
     stricter_sentence,
     tune_sentences,
     unread,
+    verdict_sentence,
 )
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
@@ -117,6 +120,72 @@ class TunedAxis:
     by_hand: Picture
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JudgedCard:
+    """Foreign gains of an axis on the page."""
+
+    name: str
+    badge: str
+    words: str
+    sentence: str
+    gains: tuple[GainRow, ...]
+    margins: tuple[MarginRow, ...]
+    pictures: tuple[Picture, ...]
+
+
+_BADGES: Mapping[str, tuple[str, str]] = {
+    "fly": ("good", "fly"),
+    "gently": ("warning", "fly gently"),
+    "do_not_fly": ("poor", "do not fly"),
+    "not_enough_data": ("warning", "not enough data"),
+}
+
+
+def _judged_cards(document: TuneDocument, proposal: TuningProposal) -> tuple[JudgedCard, ...]:
+    """One for every axis that foreign gains may change."""
+    if document.judged is None or proposal.judged is None:
+        return ()
+    cards = []
+    for axis, found in document.judged.axes.items():
+        badge, words = _BADGES[found.verdict]
+        known = proposal.judged.axes.get(axis)
+        steps_found = {} if known is None else {name: _band(rows) for name, rows in known.steps.items()}
+        cards.append(
+            JudgedCard(
+                name=axis,
+                badge=badge,
+                words=words,
+                sentence=verdict_sentence(axis, found),
+                gains=tuple(
+                    GainRow(
+                        name=name,
+                        flown=f"{gain.flown:.4g}",
+                        proposed=f"{gain.proposed:.4g}",
+                        changed=gain.flown != gain.proposed,
+                    )
+                    for name, gain in found.gains.items()
+                    if gain.flown != gain.proposed
+                ),
+                margins=tuple(
+                    MarginRow(name=_named(name), cells=tuple(_cell(name, loop.get(name)) for loop in loops))
+                    for names, loops in ((_OF_LOOPS, (found.rate, found.whole)), (_OF_ATTITUDE, ({}, found.attitude)))
+                    for name in names
+                    if any(name in loop for loop in loops)
+                ),
+                pictures=(
+                    Picture(
+                        key=f"{axis}-judged-step",
+                        description=f"Step response of {axis} with flown and judged gains, with 95 % bands",
+                        figure=drawn(steps, step_times_s(), steps_found, axis=axis),
+                    ),
+                )
+                if "judged" in steps_found
+                else (),
+            )
+        )
+    return tuple(cards)
+
+
 def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "") -> str:
     """The report as one self-contained HTML document.
 
@@ -129,12 +198,15 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
     """
     document = tune_document(proposal)
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
+    judged = _judged_cards(document, proposal)
     return render(
         "tune.html",
         logs=[document.autopilot, *document.provenance.inputs],
         title=title,
         document=document,
         sentences=tune_sentences(document),
+        judged=judged,
+        judged_title=next(iter(judged_sentences(document)), ""),
         margins=margin_lines(document),
         next_flight=next_flight(document),
         following=following(document),
@@ -150,7 +222,10 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         unread=finding_rows(unread(document)),
         path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
-        pictures=[picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)],
+        pictures=[
+            *(picture for card in judged for picture in card.pictures),
+            *(picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)),
+        ],
         further_script="tune.js",
         further={axis: loops_for_page(tuning, limit=_limit(proposal)) for axis, tuning in proposal.axes.items()},
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rotorid.data.display import capital
@@ -12,9 +12,16 @@ from rotorid.data.quantity import MISSING, significant, with_unit
 from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.review import QuantityDocument
-from rotorid.documents.tune import AxisTuneDocument, PathStepDocument, TuneDocument
+from rotorid.documents.tune import (
+    AxisJudgedDocument,
+    AxisTuneDocument,
+    PathStepDocument,
+    TuneDocument,
+    VerdictDocument,
+)
 from rotorid.models.autopilots.gains import letter_of
 from rotorid.plot.curves import Frequency
+from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import Axis
 
@@ -62,6 +69,63 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
     return tuple(
         [axis_sentence(axis, tuning) for axis, tuning in document.axes.items()] + list(not_tuned(document).values())
     )
+
+
+_VERDICT_WORDS: Mapping[Verdict, str] = {
+    "fly": "fly these gains",
+    "gently": "fly these gains gently first",
+    "do_not_fly": "do not fly these gains",
+    "not_enough_data": "not enough data to judge these gains",
+}
+
+
+def judged_sentences(document: TuneDocument) -> tuple[str, ...]:
+    """The verdict on the gains of a file: of all together, then of each axis; nothing where none were judged."""
+    judged = document.judged
+    if judged is None:
+        return ()
+    named_file = f"{judged.source}: {_VERDICT_WORDS[judged.verdict]}."
+    return (named_file, *(verdict_sentence(axis, found) for axis, found in judged.axes.items()))
+
+
+def verdict_sentence(axis: Axis, found: AxisJudgedDocument) -> str:
+    """The verdict on the gains of an axis, its reason, and what to lower."""
+    words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
+    words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
+    if found.lower:
+        words.append(f"Lower {' and '.join(f'{name} to {value:.3g}' for name, value in found.lower.items())}.")
+    return " ".join(words)
+
+
+def _because(found: VerdictDocument) -> str:
+    """Why, as the end of a sentence: the peak that decides, and the plant that has it."""
+    plant = found.breaking
+    if plant is None:
+        return ""
+    loop = "loop with angle loop" if plant.loop == "whole" else "rate loop"
+    at = f"{plant.omega_rad_s / (2.0 * math.pi):.1f} Hz"
+    if found.noisy:
+        return ", because they make the motor commands too noisy"
+    if found.verdict == "not_enough_data":
+        if found.known_to_rad_s:
+            end = found.known_to_rad_s / (2.0 * math.pi)
+            return f": the {loop} depends on the vehicle at {at}, which was not measured well; sweep up to {end:.0f} Hz"
+        return ""
+    share = "" if not found.unstable else f" on {_share(found.unstable)} of the likely vehicles"
+    deviation = f"gain {100.0 * (plant.gain - 1.0):+.0f} %, phase {plant.phase_deg:+.0f}°"
+    where = f" {plant.situation}" if plant.situation else ""
+    if plant.sensitivity_peak is None:
+        return f": the {loop} is unstable at about {at}{where}{share} (for example {deviation})"
+    peak = f"M_s {plant.sensitivity_peak:.1f} at {at}{where}"
+    if found.verdict == "do_not_fly":
+        return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); above {REFUSED_PEAK:g} is too much"
+    if found.verdict == "gently":
+        return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); up to {SAFE_PEAK:g} is fine"
+    return f": M_s stays below {plant.sensitivity_peak:.1f} on 95 % of the likely vehicles"
+
+
+def _share(share: float) -> str:
+    return "all" if share >= 1.0 else f"{max(100.0 * share, 1.0):.0f} %"
 
 
 def axis_sentence(axis: Axis, tuning: AxisTuneDocument) -> str:

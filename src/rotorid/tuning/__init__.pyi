@@ -5,6 +5,11 @@ from rotorid.tuning.firmware import ranges_of as ranges_of
 from rotorid.tuning.firmware import rounded as rounded
 from rotorid.tuning.firmware import scaled as scaled
 from rotorid.tuning.firmware import written as written
+from rotorid.tuning.gain_files import GainFile as GainFile
+from rotorid.tuning.gain_files import read_gains as read_gains
+from rotorid.tuning.judging import LoopVerdict as LoopVerdict
+from rotorid.tuning.judging import loop_verdict as loop_verdict
+from rotorid.tuning.judging import situations_of as situations_of
 from rotorid.tuning.loops import AttitudeFigures as AttitudeFigures
 from rotorid.tuning.loops import ControllerParts as ControllerParts
 from rotorid.tuning.loops import Gains as Gains

@@ -31,6 +31,14 @@ def test_a_log_without_gains_is_refused_with_the_reason(log: Path, tmp_path: Pat
     assert not (tmp_path / "out").exists()
 
 
+def test_gains_around_an_unknown_vehicle_are_not_called_safe(log: Path, tmp_path: Path) -> None:
+    gains = tmp_path / "gains.txt"
+    gains.write_text("roll: P=0.1 D=0.002\n")
+    ran = rotorid("tune", log, "--axis", "roll", "--judge", gains, "--out", tmp_path / "out", "--json")
+    assert ran.code == 1
+    assert json.loads(ran.out)["judged"] == {"source": "gains.txt", "axes": {}, "verdict": "not_enough_data"}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -43,6 +51,8 @@ def test_a_log_without_gains_is_refused_with_the_reason(log: Path, tmp_path: Pat
         (("--scale", "0.1"), "from 1 to 1000"),
         (("--axes", "surge"), "use roll, pitch or yaw"),
         (("--check", "nowhere"), "a tune.json"),
+        (("--judge", "nowhere"), "nowhere cannot be read"),
+        (("--judge", "nowhere", "--check", "nowhere"), "exclude each other"),
     ],
 )
 def test_a_slip_is_one_sentence(log: Path, tmp_path: Path, words: tuple[str, ...], said: str) -> None:

@@ -113,7 +113,7 @@ def read(
         Share of the throttle that was flown, which moves TPA and the low-pass of the derivative.
     """
     version = None if is_other_program(firmware) else version_of(firmware)
-    parameters = {**_as_in_header(parameters), **parameters}
+    parameters = {**as_in_header(parameters), **parameters}
     if axis not in _AXES or f"{axis}PID_P" not in parameters or version is None or version < OLDEST:
         return None
     index, yaw = _AXES[axis], axis == "yaw"
@@ -154,12 +154,12 @@ def read(
     )
 
 
-def _as_in_header(parameters: Mapping[str, float]) -> dict[str, float]:
+def as_in_header(parameters: Mapping[str, float]) -> dict[str, float]:
     """Settings by the names of the header, from those of the command line, which results keep.
 
     Examples
     --------
-    >>> _as_in_header({"p_roll": 40.0, "d_min_yaw": 0.0, "dterm_lpf1_dyn_max_hz": 150.0})
+    >>> as_in_header({"p_roll": 40.0, "d_min_yaw": 0.0, "dterm_lpf1_dyn_max_hz": 150.0})
     {'rollPID_P': 40.0, 'd_min_2': 0.0, 'dterm_lpf1_dyn_hz_1': 150.0}
     """
     names = {f"{letter.lower()}_{axis}": f"{axis}PID_{letter}" for axis in _AXES for letter in "PID"}

@@ -1,0 +1,447 @@
+"""Foreign gains around an identified plant: read, checked against the vehicle that flew, and judged.
+
+The parameters of the file take the place of those that flew, filters included, and the controller is read again, so
+that what is judged is what the firmware would make of them. What a file leaves out stays as flown, if loading the file
+would leave it so. Gains of another firmware, vehicle or version, out of range or incomplete, are refused by name:
+nothing is judged by guess, and nothing is sent to a vehicle.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, remark
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError, nearest_name
+from rotorid.models.autopilots import betaflight
+from rotorid.models.autopilots.betaflight import as_in_header
+from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
+from rotorid.models.autopilots.gains import Parameter, ahead_of, letter_of, parameters_of
+from rotorid.models.autopilots.settings import AxisController, Version, loop_settings, version_of
+from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.flown_gains import LoggedLoop, at_ends
+from rotorid.proposing.steps import attitude_steps
+from rotorid.signal.autopilot_filters import filter_findings
+from rotorid.tuning.gain_files import LARGEST_BYTES, GainFile, read_gains
+from rotorid.tuning.judging import CommandNoise, Figures, LoopVerdict, Verdict, loop_verdict, situations_of, worst
+from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
+from rotorid.tuning.plant import UncertainPlant
+from rotorid.tuning.proposal import Judged, judged
+from rotorid.typing import Axis, FloatArray
+
+_WHOLE_FILE = 40
+"""Parameters from which a file counts as all of a vehicle's: then none of its gains may be missing."""
+
+_OF_VEHICLE = ("SYS_AUTOSTART", "CA_AIRFRAME", "CA_ROTOR_COUNT", "FRAME_CLASS", "FRAME_TYPE", "MAV_TYPE")
+
+_OF_PLANT = (
+    *("THR_MDL_FAC", "MC_BAT_SCALE_EN", "MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX", "MOT_BAT_VOLT_MAX"),
+    *("MOT_BAT_VOLT_MIN", "thrust_linear", "SCHED_LOOP_RATE", "INS_GYRO_RATE", "IMU_GYRO_RATEMAX", "IMU_INTEG_RATE"),
+    *("looptime", "pid_process_denom"),
+)
+"""What changes the plant itself: it was measured with the flown values."""
+
+_SHORT: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
+_SAME = 1e-6
+_HIDDEN = ("INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "FILT")
+"""Filters that ArduPilot does not log while they are off."""
+
+_GAIN_STEMS = ("MC_ROLL", "MC_PITCH", "MC_YAW", "MC_DTERM_CUTOFF", "ATC_RAT_", "ATC_ANG_")
+
+_LESS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
+_KNOBS: tuple[tuple[str, ...], ...] = (
+    *(("A",), ("I",), ("D",)),
+    *(("P", "D"), ("I", "A"), ("P", "I", "D"), ("P", "I", "D", "A")),
+)
+_TRIED_DRAWS = 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisJudgment(Immutable):
+    """Foreign gains on one axis.
+
+    Parameters
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    found
+        The verdict, with the plant that decides it.
+    verdict
+        That of the axis: not enough data where the file changes what was not measured.
+    judged, flown
+        Figures of the foreign and of the flown gains over the draws, in hover.
+    parameters
+        Each gain and filter by the firmware's name, flown and foreign.
+    noise
+        Of the command.
+    lower
+        Parameters, with values, that would make the gains fly gently or better; empty where none of the tried would.
+    reasons
+        What keeps the gains from a better verdict, beside their loops, as sentences.
+    parts
+        Transfer functions of the foreign gains.
+    plant
+        With its draws.
+    steps
+        Step responses of the attitude with the flown and with the foreign gains, ``flown`` and ``judged``, over the
+        draws; only of loops that are stable on all of them.
+    """
+
+    axis: Axis
+    found: LoopVerdict
+    verdict: Verdict
+    judged: Judged
+    flown: Judged
+    parameters: Mapping[str, tuple[float, float]]
+    noise: CommandNoise
+    lower: Mapping[str, float]
+    reasons: tuple[str, ...]
+    parts: ControllerParts
+    plant: UncertainPlant
+    steps: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters, lower=self.lower, reasons=tuple(self.reasons), steps=self.steps)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JudgedGains(Immutable):
+    """Foreign gains of a vehicle.
+
+    Parameters
+    ----------
+    source
+        Name of the file.
+    axes
+        Those that could be judged.
+    unknown
+        Axis to the reason why it could not.
+    findings
+        Parameters that were left out.
+    """
+
+    source: str
+    axes: Mapping[Axis, AxisJudgment]
+    unknown: Mapping[Axis, str] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._set(axes=self.axes, unknown=self.unknown, findings=tuple(self.findings))
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all axes."""
+        unknown: dict[str, Verdict] = dict.fromkeys(self.unknown, "not_enough_data")
+        return worst({**unknown, **{axis: found.verdict for axis, found in self.axes.items()}})
+
+
+def load_gains(path: Path | str) -> GainFile:
+    """Gains of a file on disk.
+
+    Raises
+    ------
+    UsageError
+        There is no such file, it is too large, or it contains no gains.
+    """
+    place = Path(path)
+    try:
+        with place.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise UsageError(f"{place} cannot be read: {error.strerror or error}", needed="a file of gains") from error
+    if len(data) > LARGEST_BYTES:
+        raise UsageError(
+            f"{place.name} is too large for a file of gains", needed=f"{LARGEST_BYTES // 10**6} MB at most"
+        )
+    return read_gains(data.decode("utf-8", errors="replace"), name=place.name)
+
+
+def judge_gains(
+    gains: GainFile,
+    known: Mapping[Axis, KnownAxis],
+    refused: Mapping[Axis, InsufficientDataError],
+    *,
+    gain_range: tuple[float, float] = (1.0, 1.0),
+) -> JudgedGains:
+    """The verdict on the gains of a file.
+
+    Parameters
+    ----------
+    gains
+        See :func:`load_gains`.
+    known
+        Axes whose plant and flown controller are known.
+    refused
+        Other axes, with the reason.
+    gain_range
+        Least and largest gain of the loops over the flown throttle, relative to hover.
+
+    Raises
+    ------
+    UsageError
+        The gains are not for this vehicle, out of range, or incomplete.
+    """
+    findings: list[Finding] = []
+    axes: dict[Axis, AxisJudgment] = {}
+    flown = {axis: one.flown for axis, one in known.items()}
+    values = _values(gains, (*known, *refused), flown)
+    wanted = _axes_of(gains, values)
+    if gains.defaults_first or len(gains.values) > _WHOLE_FILE:
+        _require_whole(gains, flown)
+    for axis, one in known.items():
+        left_out = _require_same_vehicle(gains, values, one.flown)
+        findings += [finding for finding in left_out if finding not in findings]
+        if axis in wanted:
+            axes[axis] = _judged(axis, one, values, gain_range)
+    unknown = {axis: str(why) for axis, why in refused.items() if axis in wanted}
+    return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
+
+
+_NAMES_OF: Mapping[Axis, re.Pattern[str]] = MappingProxyType(
+    {
+        axis: re.compile(rf"MC_{axis.upper()}\w+|ATC_(?:RAT|ANG)_{short}_\w+|{axis}PID_\w|(?:d_m..|ff_weight)_{index}")
+        for index, (axis, short) in enumerate(_SHORT.items())
+    }
+)
+
+
+def _axes_of(gains: GainFile, values: Mapping[str, float]) -> tuple[Axis, ...]:
+    """Axes whose loops a file may change: those that it names, and all by a filter or a gain that they share."""
+    if gains.by_hand:
+        return tuple(axis for axis in _NAMES_OF if {axis, ""} & gains.by_hand.keys())
+    named_by = {name: [axis for axis, names in _NAMES_OF.items() if names.fullmatch(name)] for name in values}
+    if any(loop_settings({name: 0.0}) and not axes for name, axes in named_by.items()):
+        return tuple(_NAMES_OF)
+    return tuple(axis for axis in _NAMES_OF if any(axis in axes for axes in named_by.values()))
+
+
+def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, LoggedLoop]) -> dict[str, float]:
+    """Parameters of a file by the names of the log, gains by hand among them."""
+    values = dict(gains.values)
+    for name, by_letter in gains.by_hand.items():
+        if not name and len(axes) > 1:
+            raise UsageError(
+                f"{gains.name} names no axis",
+                needed="such as roll: P=0.1 D=0.002",
+                remedy="or give --axes with one axis",
+            )
+        for axis in (axis for axis in flown if name in ("", axis)):
+            parameters = parameters_of(flown[axis].controller)
+            for letter, value in by_letter.items():
+                if letter not in parameters:
+                    raise UsageError(
+                        f"{letter} of {axis} cannot be set by hand", needed=f"one of {', '.join(parameters)} of {axis}"
+                    )
+                own = parameters[letter].name
+                values[next(iter(as_in_header({own: value})), own)] = value
+    return values
+
+
+def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: LoggedLoop) -> list[Finding]:
+    """Refuse parameters that are not this vehicle's; remarks on those that no loop depends on."""
+    record = flown.record
+    autopilot = flown.controller.autopilot
+    where = record.source.name
+    if gains.autopilot and gains.autopilot != autopilot:
+        raise UsageError(
+            f"{gains.name} contains gains of {gains.autopilot}, but {where} is from {autopilot}",
+            needed=f"gains of {autopilot}",
+        )
+    _require_same_version(gains, flown)
+    _require_not_negative(gains, record, values)
+    for name in _OF_VEHICLE:
+        if name in values and record.parameters.get(name, values[name]) != values[name]:
+            raise UsageError(
+                f"{gains.name} is for another vehicle: {name} is {values[name]:g}, and {record.parameters[name]:g} in "
+                f"{where}",
+                needed="gains of this vehicle",
+                remedy="put only gains and filters into the file to judge them on this vehicle",
+            )
+    left_out = []
+    few = len(values) <= _WHOLE_FILE
+    then = _merged(record, values, flown)
+    understood = {*record.parameters, *then.gains, *as_in_header(dict.fromkeys(flown.controller.gains, 0.0))}
+    for name in values:
+        if name in understood or name.startswith(_HIDDEN):
+            continue
+        written = gains.written.get(name, name)
+        near = nearest_name(written, [*flown.controller.gains, *flown.controller.filters]) if few else ""
+        # Firmware that has no such parameter ignores it, or means something else by it.
+        if near or name.startswith(_GAIN_STEMS) or (few and loop_settings({name: 0.0})):
+            raise UsageError(
+                f"{where} has no parameter {written}, which {gains.name} contains",
+                needed="names of the firmware that flew",
+                remedy=f"did you mean {near}?" if near else "export the gains from this version of the firmware",
+            )
+        left_out.append(written)
+    if not loop_settings(values):
+        raise UsageError(f"{gains.name} contains no gain and no filter of {autopilot}", needed="gains or filters")
+    if not left_out or not few:
+        return []
+    names = ", ".join(sorted(left_out)[:6])
+    return [remark("gains_left_out", gains.name, f"No rate or angle loop depends on {names}; these were not judged.")]
+
+
+def _require_same_version(gains: GainFile, flown: LoggedLoop) -> None:
+    theirs, ours = version_of(gains.firmware), version_of(flown.controller.firmware)
+    if gains.autopilot != betaflight.NAME or theirs is None or ours is None:
+        return
+
+    def generation(version: Version) -> int:
+        return sum(version >= change for change in betaflight.CHANGES)
+
+    if generation(theirs) != generation(ours):
+        raise UsageError(
+            f"{gains.name} is from {gains.firmware}, but {flown.record.source.name} from Betaflight {ours[0]}.{ours[1]}"
+            ", which computes the controller in another way from these settings",
+            needed="settings of the version that flew",
+        )
+
+
+def _require_whole(gains: GainFile, flown: Mapping[Axis, LoggedLoop]) -> None:
+    """Refuse a file of all parameters in which a gain is missing, and a ``diff`` that leaves it at a default."""
+    missing = []
+    for one in flown.values():
+        names = [name for name in one.controller.gains if letter_of(name)]
+        missing += [name for name in names if next(iter(as_in_header({name: 0.0})), name) not in gains.values]
+    if missing:
+        why = "a diff leaves defaults out" if gains.defaults_first else "the file may be cut off"
+        raise UsageError(
+            f"{gains.name} does not contain {', '.join(dict.fromkeys(missing))}",
+            needed="all gains of roll, pitch and yaw",
+            remedy=f"{why}: give a {'dump' if gains.defaults_first else 'complete file'}",
+        )
+
+
+def _merged(record: FlightRecord, values: Mapping[str, float], flown: LoggedLoop) -> AxisController:
+    return flown.with_parameters(_replaced(record, values))
+
+
+def _replaced(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
+    """The log with other parameters of its loops."""
+    return replace(record, parameters={**record.parameters, **loop_settings(values)})
+
+
+def _judged(axis: Axis, known: KnownAxis, values: Mapping[str, float], gain_range: tuple[float, float]) -> AxisJudgment:
+    """One axis with the foreign parameters."""
+    record = known.flown.record
+    then = _replaced(record, values)
+    controller = known.flown.with_parameters(then)
+    _require_ranges(known.flown.controller, controller)
+    grids = [frequency_grid(one.controller) for one in (known.flown.controller, controller)]
+    omega = min(grids, key=lambda grid: float(grid[-1]))
+    noise = known.flown.rate_noise(omega, known.plant.band_rad_s)
+    flown_parts = known.flown.parts(omega, noise=noise)
+    parts = known.flown.parts(omega, then=then, noise=noise)
+    own = Gains.of(controller.controller)
+    scores = _scores(known.plant, parts, own)
+    before = _scores(known.plant, flown_parts, known.gains)
+    of_command = CommandNoise(
+        rms=scores.noise if noise is not None else None, ratio=scores.noise / max(before.noise, 1e-300)
+    )
+    found = loop_verdict(known.plant, _situations(known.plant, controller, parts, own, gain_range), noise=of_command)
+    doubts = tuple(_doubts(known.flown, record, then, values))
+    verdict: Verdict = "not_enough_data" if doubts and found.flies else found.verdict
+    before_names = {**known.flown.controller.gains, **known.flown.controller.filters}
+    after_names = {**controller.gains, **controller.filters}
+    return AxisJudgment(
+        axis=axis,
+        found=found,
+        verdict=verdict,
+        judged=scores,
+        flown=before,
+        parameters={name: (before_names.get(name, after), after) for name, after in after_names.items()},
+        noise=of_command,
+        lower=_lower(known.plant, controller, parts, own, gain_range) if verdict == "do_not_fly" else {},
+        reasons=doubts,
+        parts=parts,
+        plant=known.plant,
+        steps={
+            name: attitude_steps(known.flown, known.plant, gains_then, then=place)
+            for name, one, gains_then, place in (("flown", before, known.gains, None), ("judged", scores, own, then))
+            if (one.rate.stable * one.whole.stable).all()
+        },
+    )
+
+
+def _scores(plant: UncertainPlant, parts: ControllerParts, gains: Gains) -> Judged:
+    return judged(parts, plant.drawn(parts.omega_rad_s), gains, from_rad_s=plant.known_from_rad_s)
+
+
+def _situations(
+    plant: UncertainPlant,
+    controller: AxisController,
+    parts: ControllerParts,
+    gains: Gains,
+    gain_range: tuple[float, float],
+) -> dict[str, Figures]:
+    """Figures at both ends of a D that moves, and of the flown throttle."""
+    ends = {name: replace(gains, D=end.controller.derivative_s2) for name, end in at_ends(controller, parts).items()}
+    made = {name: (parts.rate(one), parts.whole(one)) for name, one in (ends or {"": gains}).items()}
+    return situations_of(plant, parts.omega_rad_s, made, gain_range=gain_range)
+
+
+def _lower(
+    plant: UncertainPlant,
+    controller: AxisController,
+    parts: ControllerParts,
+    gains: Gains,
+    gain_range: tuple[float, float],
+) -> dict[str, float]:
+    """The mildest change of one gain, or of P, I and D together, with which the loops may fly; empty where none may."""
+    few = replace(plant, misfits=plant.misfits[:_TRIED_DRAWS])
+    named = parameters_of(controller)
+    for factor in _LESS:
+        for knob in _KNOBS:
+            changed = {letter: factor * getattr(gains, letter) for letter in knob if getattr(gains, letter) > 0.0}
+            if not changed or not all(letter in named for letter in changed):
+                continue
+            less = replace(gains, **changed)
+            if loop_verdict(few, _situations(few, controller, parts, less, gain_range)).flies:
+                return {named[letter].name: value / named[letter].per_si for letter, value in changed.items()}
+    return {}
+
+
+def _require_not_negative(gains: GainFile, record: FlightRecord, values: Mapping[str, float]) -> None:
+    for name, value in loop_settings(values).items():
+        if value < 0.0 and value != record.parameters.get(name):
+            raise UsageError(f"{gains.written.get(name, name)} = {value:g} is out of range", needed="0 or more")
+
+
+def _require_ranges(flown: AxisController, controller: AxisController) -> None:
+    """Refuse a gain outside of the firmware's range that did not fly."""
+    parameters: list[Parameter] = [*parameters_of(controller).values(), *ahead_of(controller)]
+    for parameter in parameters:
+        value = controller.gains.get(parameter.name)
+        if value is None or value == flown.gains.get(parameter.name):
+            continue
+        if not parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME):
+            raise UsageError(
+                f"{parameter.name} = {value:g} is out of range",
+                needed=f"a value from {parameter.low:g} to {parameter.high:g}",
+            )
+
+
+def _doubts(flown: LoggedLoop, record: FlightRecord, then: FlightRecord, values: Mapping[str, float]) -> Iterator[str]:
+    """What the file changes and no flight shows, as sentences."""
+    for name in _OF_PLANT:
+        if name in values and name in record.parameters and values[name] != record.parameters[name]:
+            yield (
+                f"{name} changes from {record.parameters[name]:g} to {values[name]:g}, which changes the vehicle "
+                "itself: fly with it, then judge the gains."
+            )
+    for name in MOVING_GYRO:
+        if values.get(name, 0.0) > 0.0 and values[name] != record.parameters.get(name, 0.0):
+            yield f"{name} follows the throttle, which is not modeled."
+    source = flown.source
+    before = _unknown_filters(record, source)
+    yield from (message for message in _unknown_filters(then, source) if message not in before)
+
+
+def _unknown_filters(record: FlightRecord, source: str) -> list[str]:
+    return [one.message for one in filter_findings(record, source) if one.kind == "unknown_filter"]

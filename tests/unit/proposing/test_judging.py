@@ -1,0 +1,203 @@
+"""Foreign gains on a vehicle whose plant is known: judged with their filters, or refused by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorid.data.record import FlightRecord, Source
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.controllers import controllers_of
+from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.flown_gains import LoggedLoop
+from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
+from rotorid.tuning import frequency_grid, read_gains, uncertain_plant
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+PX4 = {
+    **{
+        f"MC_{axis}RATE_{letter}": value
+        for axis in ("ROLL", "PITCH")
+        for letter, value in zip("PID", (0.15, 0.2, 0.003), strict=True)
+    },
+    "MC_YAWRATE_P": 0.2,
+    "MC_YAWRATE_I": 0.1,
+    "MC_YAWRATE_D": 0.0,
+    "MC_ROLL_P": 6.5,
+    "MC_PITCH_P": 6.5,
+    "MC_YAW_P": 2.8,
+    "IMU_DGYRO_CUTOFF": 30.0,
+    "IMU_GYRO_CUTOFF": 40.0,
+    "IMU_GYRO_RATEMAX": 400.0,
+    "CA_ROTOR_COUNT": 4.0,
+    "MPC_XY_P": 0.95,
+    "THR_MDL_FAC": 0.3,
+}
+BETAFLIGHT = {
+    "rollPID_P": 45.0,
+    "rollPID_I": 80.0,
+    "rollPID_D": 30.0,
+    "levelPID_P": 50.0,
+    "looptime": 125.0,
+    "pid_process_denom": 2.0,
+    "dterm_lpf1_static_hz": 90.0,
+    "dterm_lpf1_type": 0.0,
+    "gyro_lpf1_static_hz": 250.0,
+}
+
+
+def log(parameters: dict[str, float], firmware: str = "PX4 1.16.0") -> FlightRecord:
+    format = "Betaflight blackbox" if firmware.startswith("Betaflight") else "PX4 ULog"
+    source = Source(name="flight.log", format=format, sha256="", firmware=firmware)
+    return FlightRecord(source=source, topics=(), parameters=parameters)
+
+
+def vehicle(omega: FloatArray) -> ComplexArray:
+    return np.asarray(113.1 / ((0.03j * omega + 1.0) * (1j * omega + 1.0)) * np.exp(-0.008j * omega))
+
+
+def known(axis: Axis, record: FlightRecord) -> KnownAxis:
+    flown = controllers_of(record)
+    controller = flown.axis(axis)
+    assert controller is not None
+    source = "vehicle_angular_velocity.xyz[0]" if controller.autopilot == "PX4" else "gyroADC[0]"
+    loop = LoggedLoop(axis=axis, controller=controller, known=flown, record=record, source=source)
+    plant = uncertain_plant(vehicle, None, band_rad_s=(1.0, 120.0), draws=40)
+    omega = frequency_grid(controller.controller)
+    parts = loop.parts(omega)
+    return KnownAxis(
+        flown=loop,
+        plant=plant,
+        omega_rad_s=omega,
+        flown_parts=parts,
+        then=None,
+        controller=controller,
+        parts=parts,
+    )
+
+
+def judge(text: str, *axes: Axis, record: FlightRecord | None = None) -> JudgedGains:
+    record = record or log(PX4)
+    return judge_gains(
+        read_gains(text, name="new.params"), {axis: known(axis, record) for axis in axes or ("roll",)}, {}
+    )
+
+
+def test_gains_take_the_place_of_the_flown_ones_and_the_rest_stays() -> None:
+    found = judge("MC_ROLLRATE_P,0.12\nMC_ROLL_P,5")
+    roll = found.axes["roll"]
+    assert roll.verdict == found.verdict == "fly"
+    assert (roll.judged.gains.P, roll.judged.gains.A) == (0.12, 5.0)
+    assert (roll.judged.gains.I, roll.judged.gains.D) == (0.2, 0.003)
+    assert roll.parameters["MC_ROLLRATE_P"] == (0.15, 0.12)
+
+
+def test_the_flown_gains_have_the_figures_of_the_flight() -> None:
+    roll = judge("MC_ROLLRATE_P,0.15").axes["roll"]
+    np.testing.assert_allclose(roll.judged.whole.sensitivity_peak, roll.flown.whole.sensitivity_peak, rtol=1e-12)
+    assert roll.noise.ratio == 1.0
+
+
+def test_too_strong_gains_are_refused_with_what_to_lower() -> None:
+    roll = judge("MC_ROLLRATE_P,0.45\nMC_ROLLRATE_I,1\nMC_ROLLRATE_D,0\nMC_ROLL_P,11").axes["roll"]
+    assert roll.verdict == "do_not_fly"
+    assert roll.lower
+    gains = {"MC_ROLLRATE_P": 0.45, "MC_ROLLRATE_I": 1.0, "MC_ROLLRATE_D": 0.0, "MC_ROLL_P": 11.0, **roll.lower}
+    assert judge("\n".join(f"{name},{value}" for name, value in gains.items())).axes["roll"].found.flies
+
+
+@pytest.mark.parametrize(("cutoff", "worse"), [(5.0, True), (100.0, False)])
+def test_filters_of_the_file_count(cutoff: float, worse: bool) -> None:
+    roll = judge(f"IMU_GYRO_CUTOFF,{cutoff}").axes["roll"]
+    assert (np.median(roll.judged.rate.sensitivity_peak) > np.median(roll.flown.rate.sensitivity_peak)) == worse
+    assert (roll.verdict == "do_not_fly") == worse
+
+
+def test_a_file_concerns_the_axes_that_it_names_and_filters_all() -> None:
+    assert set(judge("MC_ROLLRATE_P,0.12", "roll", "yaw").axes) == {"roll"}
+    assert set(judge("IMU_GYRO_CUTOFF,60", "roll", "yaw").axes) == {"roll", "yaw"}
+    assert set(judge("yaw: P=0.15", "roll", "yaw").axes) == {"yaw"}
+    refused = {"pitch": InsufficientDataError("pitch was not moved")}
+    found = judge_gains(read_gains("pitch: P=0.1\nroll: P=0.12", name="x"), {"roll": known("roll", log(PX4))}, refused)
+    assert (found.axes["roll"].verdict, found.verdict) == ("fly", "not_enough_data")
+    assert "pitch was not moved" in found.unknown["pitch"]
+
+
+def test_betaflight_has_whole_numbers_and_names_of_its_command_line() -> None:
+    record = log(BETAFLIGHT, "Betaflight 4.4.3")
+    roll = judge("set p_roll = 60\nset dterm_lpf1_type = PT2\n", record=record).axes["roll"]
+    assert roll.parameters["p_roll"] == (45.0, 60.0)
+    assert roll.parameters["dterm_lpf1_type"] == (0.0, 2.0)
+    assert pytest.approx(roll.flown.gains.P * 60.0 / 45.0) == roll.judged.gains.P
+    by_hand = judge("P=60", record=record).axes["roll"]
+    assert by_hand.judged.gains.P == roll.judged.gains.P
+
+
+def test_what_changes_the_vehicle_itself_is_not_called_safe() -> None:
+    roll = judge("MC_ROLLRATE_P,0.12\nTHR_MDL_FAC,0.8").axes["roll"]
+    assert (roll.found.verdict, roll.verdict) == ("fly", "not_enough_data")
+    assert "THR_MDL_FAC changes from 0.3 to 0.8" in roll.reasons[0]
+
+
+def test_other_loops_are_left_out_by_name() -> None:
+    (left_out,) = judge("MC_ROLLRATE_P,0.12\nWV_YRATE,3").findings
+    assert "WV_YRATE" in left_out.message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("ATC_RAT_RLL_P,0.1", "gains of ArduPilot, but flight.log is from PX4"),
+        ("MC_ROLLRATE_P,0.1\nCA_ROTOR_COUNT,6", "another vehicle: CA_ROTOR_COUNT is 6, and 4 in"),
+        ("MC_ROLLRTE_P,0.1", "no parameter MC_ROLLRTE_P.*did you mean MC_ROLLRATE_P"),
+        ("MC_ROLLRATE_P,0.9", "MC_ROLLRATE_P = 0.9 is out of range"),
+        ("MC_ROLLRATE_P,-0.1", "MC_ROLLRATE_P = -0.1 is out of range"),
+        ("MPC_XY_P,0.9", "no gain and no filter"),
+        ("MC_DTERM_CUTOFF,30", "no parameter MC_DTERM_CUTOFF"),
+        ("P=0.1 X=3", "cannot be read"),
+    ],
+)
+def test_what_is_not_for_this_vehicle_is_refused(text: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        judge(text)
+
+
+def test_half_a_file_is_refused() -> None:
+    whole = "\n".join(f"{name},{value}" for name, value in PX4.items())
+    padding = "\n".join(f"MPC_EXTRA{k},1" for k in range(60))
+    cut = whole[: whole.index("MC_PITCHRATE_I")]
+    with pytest.raises(UsageError, match="does not contain MC_ROLL_P, MC_PITCHRATE_I"):
+        judge(f"{padding}\n{cut}", "roll", "pitch")
+    assert judge(f"{padding}\n{whole}", "roll", "pitch", "yaw").axes
+
+
+def test_a_diff_leaves_nothing_to_be_guessed() -> None:
+    record = log(BETAFLIGHT, "Betaflight 4.4.3")
+    with pytest.raises(UsageError, match=r"does not contain i_roll, d_roll.*give a dump"):
+        judge("defaults nosave\nset p_roll = 60\n", record=record)
+    with pytest.raises(UsageError, match=r"from Betaflight 4.1, but flight.log from Betaflight 4.4"):
+        judge("# Betaflight / STM32F405 (S405) 4.1.7 / x\nset p_roll = 60\n", record=record)
+
+
+def test_a_line_without_an_axis_needs_one_axis() -> None:
+    with pytest.raises(UsageError, match="names no axis"):
+        judge("P=0.1", "roll", "yaw")
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_gains(tmp_path / "none.params")
+    large = tmp_path / "large.params"
+    large.write_bytes(b"#" * 2_000_001)
+    with pytest.raises(UsageError, match="too large"):
+        load_gains(large)
+
+
+def test_settings_of_a_flight_without_noise_have_ratios_only() -> None:
+    roll = judge("MC_ROLLRATE_D,0.009\nMC_ROLLRATE_P,0.3").axes["roll"]
+    assert roll.noise.rms is None
+    assert roll.noise.ratio > 2.0
+    assert replace(roll, reasons=()).found.verdict in ("gently", "do_not_fly")
