@@ -468,8 +468,13 @@ LINES = (
             )
             for name, value, spread in (("k_Dx", 0.25, 0.08), ("k_Dy", 0.33, 0.05))
         ),
-        Fact("in steady tilts", lambda runs: "step" in runs["bebop-drag"].log["command"]),
-        pending="fitted to random binary signals; the paper's are steady tilts after steps",
+        Fact(
+            "in steady tilts",
+            lambda runs: all(
+                one["shape"] == "doublet" and one["stop_s"] - one["start_s"] >= 8.0
+                for one in runs["bebop-tilts"].json("plan.json")["inputs"]
+            ),
+        ),
     ),
     Line(
         "bebop-drag2",

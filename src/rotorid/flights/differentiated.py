@@ -168,7 +168,7 @@ def _price(
         "differentiated",
         f"{record.source.name}: {of.topic}",
         f"{words} of {record.source.name} are derivatives of {of.topic} at {of.rate_hz:.3g} Hz, so they are "
-        f"noisy: {unit} {0.001 * gain:.2g} of noise up to {SLOW_HZ:g} Hz, where the accelerations have {unit}. "
+        f"noisy: {noise:.2g} {unit}/s^2 of noise up to {SLOW_HZ:g} Hz, where the accelerations have {motion:.2g}. "
         "Smoothing or delay in the logged signals remains.",
         noise_gain_1_s2=gain,
         plain_gain_1_s2=plain,
