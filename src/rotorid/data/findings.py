@@ -413,6 +413,9 @@ KINDS: Mapping[str, Kind] = {
         "Simulated in pieces",
         "The simulation restarts every few seconds because its errors would grow too large.",
     ),
+    "gains_out_of_range": Kind(
+        "warning", "Gains outside the usual range", "A gain lies outside the range that its firmware recommends."
+    ),
     "gains_left_out": Kind(
         "info",
         "Parameters were not judged",

@@ -11,6 +11,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, create_model, model_s
 from rotorid.data.quantities import Part, figures_of
 from rotorid.documents.base import Document, FindingDocument
 from rotorid.documents.result import ResultDocument, refused_document, result_document
+from rotorid.documents.verdict import VerdictDocument, verdict_document
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import finite
 from rotorid.reviewing.cards import cards
@@ -93,9 +94,10 @@ class TrackingReviewDocument(_TrackingFigures):
 
 
 class MarginReviewDocument(_MarginFigures):
-    """The broken rate loop of an axis as it was flown."""
+    """The broken rate loop of an axis as it was flown; ``verdict`` is that on its gains, with the angle loop too."""
 
     by_model: list[str] = Field(default_factory=list)
+    verdict: VerdictDocument | None = None
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     throttle: float | None = None
     explained: float | None = None
@@ -433,6 +435,7 @@ def _margin(margin: MarginReview) -> MarginReviewDocument:
     return MarginReviewDocument(
         instrument=margin.instrument,
         by_model=list(margin.by_model),
+        verdict=verdict_document(margin.verdict),
         ends={name: _numbers(numbers) for name, numbers in margin.ends.items()},
         throttle=margin.throttle,
         explained=margin.explained,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,11 +11,12 @@ from pydantic import Field
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
+from rotorid.documents.verdict import VerdictDocument, verdict_fields
 from rotorid.loops.rate_loops import shown_quantities
 from rotorid.proposing.judging import AxisJudgment, JudgedGains
 from rotorid.proposing.proposal import AxisTuning, PathStep, TuningProposal
 from rotorid.results.model import Refused
-from rotorid.tuning.judging import LoopVerdict, Verdict
+from rotorid.tuning.judging import Verdict
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import Axis
@@ -96,38 +97,6 @@ class AxisTuneDocument(Document):
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     reasons: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
-
-
-class BreakingDocument(Document):
-    """The likely plant that decides a verdict: where its sensitivity peaks, and its response over the likeliest there.
-
-    ``sensitivity_peak`` is absent where its loop is unstable; ``situation`` names an end of the throttle or of D.
-    """
-
-    loop: Literal["rate", "whole"]
-    situation: str = ""
-    omega_rad_s: float
-    sensitivity_peak: float | None = None
-    gain: float
-    phase_deg: float
-
-
-class VerdictDocument(Document):
-    """A verdict on gains, by the larger sensitivity peak of both loops over the likely plants.
-
-    ``usual_peak``, ``peak_90`` and ``peak_95`` are its median and quantiles, absent where a loop is unstable there;
-    ``unstable`` is the share of plants with an unstable loop. ``known_to_rad_s`` is the end of the band to measure,
-    where the data do not suffice.
-    """
-
-    verdict: Verdict
-    usual_peak: float | None = None
-    peak_90: float | None = None
-    peak_95: float | None = None
-    unstable: float | None = None
-    noisy: bool = False
-    breaking: BreakingDocument | None = None
-    known_to_rad_s: float | None = None
 
 
 class AxisJudgedDocument(VerdictDocument):
@@ -262,32 +231,6 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
         noise_ratio=scores.noise / flown.noise,
         sweep_to_rad_s=sweep_to_rad_s,
     )
-
-
-def verdict_fields(found: LoopVerdict) -> dict[str, Any]:
-    """A verdict as :class:`VerdictDocument` has it."""
-    return {
-        "verdict": found.verdict,
-        "usual_peak": finite(found.usual_peak),
-        "peak_90": finite(found.refused_peak),
-        "peak_95": finite(found.safe_peak),
-        "unstable": found.unstable,
-        "noisy": found.noisy,
-        "known_to_rad_s": found.known_to_rad_s or None,
-        "breaking": BreakingDocument(
-            loop=found.breaking.loop,
-            situation=found.breaking.situation,
-            omega_rad_s=found.breaking.omega_rad_s,
-            sensitivity_peak=finite(found.breaking.sensitivity_peak),
-            gain=found.breaking.gain,
-            phase_deg=found.breaking.phase_deg,
-        ),
-    }
-
-
-def finite(value: float) -> float | None:
-    """A number, or none where it is infinite."""
-    return value if np.isfinite(value) else None
 
 
 def _judged(gains: JudgedGains) -> JudgedDocument:

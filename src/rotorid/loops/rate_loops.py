@@ -71,9 +71,10 @@ from rotorid.spectral.margins import (
     loop_margins,
 )
 from rotorid.spectral.windows import band_of, grid_rad_s, margin_s, plan_of_records
+from rotorid.tuning.judging import LoopVerdict, loop_verdict, situations_of
 from rotorid.tuning.loops import LoopFigures, frequency_grid, loop_figures, quantities
 from rotorid.tuning.plant import UncertainPlant
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import Axis, ComplexArray, FloatArray
 
 MODEL_ERROR = 0.007
 """Share of a measured loop that it errs by whatever the length of the flight, alike over an octave."""
@@ -121,6 +122,8 @@ class RateLoop(Immutable):
         Name of a number to the frequency at which it is read.
     ends
         Names of states between which the controller moves in flight, to the numbers there; empty for one that stays.
+    verdict
+        That on the flown gains, by rate loop and whole loop; ``None`` where the flight does not show their sensitivity.
     """
 
     measured: MeasuredPlant
@@ -134,6 +137,7 @@ class RateLoop(Immutable):
     missing: Mapping[str, str]
     places_rad_s: Mapping[str, Quantity]
     ends: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    verdict: LoopVerdict | None = None
 
     @property
     def crossover_measured(self) -> bool:
@@ -339,7 +343,21 @@ def _read(
         missing=missing,
         places_rad_s=places,
         ends={name: answers[0] for name, answers in each.items()} if len(each) > 1 else {},
+        verdict=None if "sensitivity_peak" in withheld else _verdict(record, plant, measured.source, controllers),
     )
+
+
+def _verdict(
+    record: FlightRecord, plant: UncertainPlant, source: str, controllers: Mapping[str, RateController]
+) -> LoopVerdict:
+    """The verdict on the flown gains, by the rule for all gains."""
+    omega = frequency_grid(next(iter(controllers.values())))
+
+    def made(controller: RateController) -> ComplexArray:
+        return controller_as_logged(record, controller, source=source).response(omega)
+
+    loops = {name: (made(controller.rate_loop), made(controller)) for name, controller in controllers.items()}
+    return loop_verdict(plant, situations_of(plant, omega, loops))
 
 
 def figures_of(plant: UncertainPlant, controller: LoggedController, *, gusts: bool = False) -> LoopFigures:

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from rotorid.data.base import Immutable
-from rotorid.data.findings import Finding, remark
+from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError, nearest_name
 from rotorid.models.autopilots import betaflight
@@ -48,6 +48,9 @@ _OF_PLANT = (
 
 _SHORT: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
 _SAME = 1e-6
+_FAR_OUTSIDE = 4.0
+"""Times the end of a range from which a gain is taken for one in other units."""
+
 _HIDDEN = ("INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "FILT")
 """Filters that ArduPilot does not log while they are off."""
 
@@ -197,7 +200,9 @@ def judge_gains(
         left_out = _require_same_vehicle(gains, values, one.flown)
         findings += [finding for finding in left_out if finding not in findings]
         if axis in wanted:
-            axes[axis] = _judged(axis, one, values, gain_range)
+            then = one.flown.with_parameters(_replaced(one.flown.record, values))
+            findings += _require_ranges(one.flown.controller, then)
+            axes[axis] = judge_axis(axis, one, values, gain_range=gain_range)
     unknown = {axis: str(why) for axis, why in refused.items() if axis in wanted}
     return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
 
@@ -327,12 +332,30 @@ def _replaced(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord
     return replace(record, parameters={**record.parameters, **loop_settings(values)})
 
 
-def _judged(axis: Axis, known: KnownAxis, values: Mapping[str, float], gain_range: tuple[float, float]) -> AxisJudgment:
-    """One axis with the foreign parameters."""
+def judge_axis(
+    axis: Axis,
+    known: KnownAxis,
+    values: Mapping[str, float],
+    *,
+    gain_range: tuple[float, float] = (1.0, 1.0),
+    advise: bool = True,
+) -> AxisJudgment:
+    """The verdict on foreign parameters of one axis, which are taken as they are.
+
+    Parameters
+    ----------
+    axis, known
+        Its plant and its flown controller.
+    values
+        Parameters by the names of the log; those that are not there stay as flown.
+    gain_range
+        As for :func:`judge_gains`.
+    advise
+        Whether to look for what to lower and to compute steps, which takes longest.
+    """
     record = known.flown.record
     then = _replaced(record, values)
     controller = known.flown.with_parameters(then)
-    _require_ranges(known.flown.controller, controller)
     grids = [frequency_grid(one.controller) for one in (known.flown.controller, controller)]
     omega = min(grids, key=lambda grid: float(grid[-1]))
     noise = known.flown.rate_noise(omega, known.plant.band_rad_s)
@@ -357,14 +380,14 @@ def _judged(axis: Axis, known: KnownAxis, values: Mapping[str, float], gain_rang
         flown=before,
         parameters={name: (before_names.get(name, after), after) for name, after in after_names.items()},
         noise=of_command,
-        lower=_lower(known.plant, controller, parts, own, gain_range) if verdict == "do_not_fly" else {},
+        lower=_lower(known.plant, controller, parts, own, gain_range) if advise and verdict == "do_not_fly" else {},
         reasons=doubts,
         parts=parts,
         plant=known.plant,
         steps={
             name: attitude_steps(known.flown, known.plant, gains_then, then=place)
             for name, one, gains_then, place in (("flown", before, known.gains, None), ("judged", scores, own, then))
-            if (one.rate.stable * one.whole.stable).all()
+            if advise and (one.rate.stable * one.whole.stable).all()
         },
     )
 
@@ -413,18 +436,29 @@ def _require_not_negative(gains: GainFile, record: FlightRecord, values: Mapping
             raise UsageError(f"{gains.written.get(name, name)} = {value:g} is out of range", needed="0 or more")
 
 
-def _require_ranges(flown: AxisController, controller: AxisController) -> None:
-    """Refuse a gain outside of the firmware's range that did not fly."""
+def _require_ranges(flown: AxisController, controller: AxisController) -> list[Finding]:
+    """Refuse gains that the firmware would not take, or that are far beyond its range; a remark on others outside it.
+
+    Ranges of PX4 and ArduPilot are advice: their own autotunes leave them.
+    """
+    outside = []
     parameters: list[Parameter] = [*parameters_of(controller).values(), *ahead_of(controller)]
     for parameter in parameters:
         value = controller.gains.get(parameter.name)
         if value is None or value == flown.gains.get(parameter.name):
             continue
-        if not parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME):
+        if parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME):
+            continue
+        if parameter.integer or value > _FAR_OUTSIDE * parameter.high:
             raise UsageError(
                 f"{parameter.name} = {value:g} is out of range",
                 needed=f"a value from {parameter.low:g} to {parameter.high:g}",
             )
+        outside.append(f"{parameter.name} = {value:g} (usually {parameter.low:g} to {parameter.high:g})")
+    if not outside:
+        return []
+    message = f"Outside the firmware's usual range, and judged as it stands: {', '.join(outside)}."
+    return [warn("gains_out_of_range", controller.axis, message)]
 
 
 def _doubts(flown: LoggedLoop, record: FlightRecord, then: FlightRecord, values: Mapping[str, float]) -> Iterator[str]:

@@ -44,6 +44,7 @@ from rotorid.reviewing.values import (
     section,
 )
 from rotorid.spectral.derived import read_points
+from rotorid.tuning.judging import VERDICT_NAMES
 from rotorid.typing import BoolArray
 from rotorid.uncertainty.differences import Verdict as ChangeVerdict
 
@@ -405,7 +406,19 @@ def _margin_rows(margins: Sequence[MarginReview | None]) -> tuple[NumberRow, ...
             for margin, cell in zip(margins, row.cells, strict=True)
         )
         rows.append(NumberRow(words=row.words, cells=cells))
+    if any(margin is not None and margin.verdict is not None for margin in margins):
+        rows.append(NumberRow(words="Verdict on these gains", cells=tuple(_verdict_cell(margin) for margin in margins)))
     return tuple(rows)
+
+
+def _verdict_cell(margin: MarginReview | None) -> tuple[str, str]:
+    """The verdict on flown gains; the peak of both loops that 90 % of the likely vehicles stay below."""
+    if margin is None:
+        return (MISSING, "")
+    if margin.verdict is None:
+        return (VERDICT_NAMES["not_enough_data"], "")
+    peak = margin.verdict.refused_peak
+    return (VERDICT_NAMES[margin.verdict.verdict], f"M_s up to {peak:.1f}" if np.isfinite(peak) else "may be unstable")
 
 
 def _cells(row: FigureOfMerit, quantity: Quantity | None) -> tuple[str, str]:

@@ -41,6 +41,7 @@ from rotorid.report.tune_words import (
     unread,
     verdict_sentence,
 )
+from rotorid.tuning.judging import VERDICT_NAMES, Verdict
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -133,11 +134,11 @@ class JudgedCard:
     pictures: tuple[Picture, ...]
 
 
-_BADGES: Mapping[str, tuple[str, str]] = {
-    "fly": ("good", "fly"),
-    "gently": ("warning", "fly gently"),
-    "do_not_fly": ("poor", "do not fly"),
-    "not_enough_data": ("warning", "not enough data"),
+_BADGES: Mapping[Verdict, str] = {
+    "fly": "good",
+    "gently": "warning",
+    "do_not_fly": "poor",
+    "not_enough_data": "warning",
 }
 
 
@@ -147,14 +148,13 @@ def _judged_cards(document: TuneDocument, proposal: TuningProposal) -> tuple[Jud
         return ()
     cards = []
     for axis, found in document.judged.axes.items():
-        badge, words = _BADGES[found.verdict]
         known = proposal.judged.axes.get(axis)
         steps_found = {} if known is None else {name: _band(rows) for name, rows in known.steps.items()}
         cards.append(
             JudgedCard(
                 name=axis,
-                badge=badge,
-                words=words,
+                badge=_BADGES[found.verdict],
+                words=VERDICT_NAMES[found.verdict],
                 sentence=verdict_sentence(axis, found),
                 gains=tuple(
                     GainRow(

@@ -17,8 +17,8 @@ from rotorid.documents.tune import (
     AxisTuneDocument,
     PathStepDocument,
     TuneDocument,
-    VerdictDocument,
 )
+from rotorid.documents.verdict import VerdictDocument
 from rotorid.models.autopilots.gains import letter_of
 from rotorid.plot.curves import Frequency
 from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict

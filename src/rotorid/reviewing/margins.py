@@ -73,6 +73,7 @@ def _review(flight: FlightData, loop: RateLoop) -> MarginReview:
         throttle=controllers_of(flight.record).throttle,
         explained=loop.check.correlation,
         stick_idle=loop.measured.idle,
+        verdict=loop.verdict,
     )
 
 

@@ -24,6 +24,7 @@ from rotorid.flights.whole_flights import Instrument
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.signal.control import Control
+from rotorid.tuning.judging import LoopVerdict
 from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.differences import Verdict
 from rotorid.uncertainty.next_flight import NextFlight
@@ -211,6 +212,8 @@ class MarginReview(Immutable):
         is logged.
     stick_idle
         Whether the stick of the axis barely moved, so that gusts alone show the loop.
+    verdict
+        That on the flown gains, as ``tune --judge`` gives it; ``None`` where there are not enough data.
     """
 
     axis: Axis
@@ -225,6 +228,7 @@ class MarginReview(Immutable):
     throttle: float | None = None
     explained: float | None = None
     stick_idle: bool = False
+    verdict: LoopVerdict | None = None
 
     def __post_init__(self) -> None:
         require_figures("margins", self.numbers)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -32,6 +33,11 @@ from rotorid.typing import ComplexArray, FloatArray
 Verdict: TypeAlias = Literal["fly", "gently", "do_not_fly", "not_enough_data"]
 
 WORST_FIRST: tuple[Verdict, ...] = ("do_not_fly", "not_enough_data", "gently", "fly")
+
+VERDICT_NAMES: Mapping[Verdict, str] = MappingProxyType(
+    {"fly": "fly", "gently": "fly gently", "do_not_fly": "do not fly", "not_enough_data": "not enough data"}
+)
+"""What each verdict is called in tables."""
 
 REFUSED_PEAK, REFUSED_QUANTILE = 2.4, 0.9
 """Sensitivity peak above which gains are refused, and the quantile of the likely plants that counts."""

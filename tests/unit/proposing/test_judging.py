@@ -153,7 +153,7 @@ def test_other_loops_are_left_out_by_name() -> None:
         ("ATC_RAT_RLL_P,0.1", "gains of ArduPilot, but flight.log is from PX4"),
         ("MC_ROLLRATE_P,0.1\nCA_ROTOR_COUNT,6", "another vehicle: CA_ROTOR_COUNT is 6, and 4 in"),
         ("MC_ROLLRTE_P,0.1", "no parameter MC_ROLLRTE_P.*did you mean MC_ROLLRATE_P"),
-        ("MC_ROLLRATE_P,0.9", "MC_ROLLRATE_P = 0.9 is out of range"),
+        ("MC_ROLLRATE_P,45", "MC_ROLLRATE_P = 45 is out of range"),
         ("MC_ROLLRATE_P,-0.1", "MC_ROLLRATE_P = -0.1 is out of range"),
         ("MPC_XY_P,0.9", "no gain and no filter"),
         ("MC_DTERM_CUTOFF,30", "no parameter MC_DTERM_CUTOFF"),
@@ -163,6 +163,14 @@ def test_other_loops_are_left_out_by_name() -> None:
 def test_what_is_not_for_this_vehicle_is_refused(text: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         judge(text)
+
+
+def test_what_an_autotune_leaves_outside_its_own_range_is_judged_with_a_warning() -> None:
+    found = judge("MC_ROLL_P,20")
+    assert "MC_ROLL_P = 20 (usually 0 to 12)" in found.findings[0].message
+    assert found.verdict == "do_not_fly"
+    with pytest.raises(UsageError, match="p_roll = 251 is out of range"):
+        judge("set p_roll = 251", record=log(BETAFLIGHT, "Betaflight 4.4.3"))
 
 
 def test_half_a_file_is_refused() -> None:

@@ -132,6 +132,9 @@ def test_both_ends_of_d_are_told_and_the_numbers_are_those_of_the_nearer(d_share
         for key in set(told) & {"gain_margin_db", "sensitivity_peak"}:
             assert abs(told[key].value - truth[key]) < 3.0 * told[key].std, (name, key)
     assert found.numbers["phase_margin_deg"].value == found.ends[nearest]["phase_margin_deg"].value
+    # The verdict on the flown gains is by both ends, and by the angle loop too.
+    assert found.verdict is not None
+    assert found.verdict.usual_peak >= max(end["sensitivity_peak"].value for end in found.ends.values()) - 0.05
 
 
 def test_an_integral_that_is_taken_back_widens_the_interval_and_is_a_finding() -> None:
