@@ -163,10 +163,8 @@ def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
         lines.append(
             f"  {one.motor}  {one.axis}  {one.start_s:.0f} to {one.stop_s:.0f} s  ± {significant(one.amplitude)} {unit}"
         )
-    reached, limit = math.degrees(document.reached_rad), math.degrees(document.limit_rad)
-    lines.append(
-        f"Predicted angle: ± {reached:.1f}° (limit {limit:.1f}°), with a loop of about 1 rad/s around the rig."
-    )
+    reached, limit = (significant(math.degrees(angle)) for angle in (document.reached_rad, document.limit_rad))
+    lines.append(f"Predicted angle: ± {reached}° (limit {limit}°), with a loop of about 1 rad/s around the rig.")
     known = [f"{name} ±{row.percent:.2g} %" for name, row in document.expected.items() if row.percent is not None]
     if known:
         lines.append(f"Expected error of {document.model}: {', '.join(known)}.")

@@ -199,7 +199,7 @@ def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
     """Results that can fly a plan by themselves: by set-points, or by commands; none where vehicles are given."""
     from rotorid.documents.results import is_result, load_results
     from rotorid.flying.flown_models import flies_plans
-    from rotorid.flying.model_from_results import HALVES, joined_halves
+    from rotorid.flying.model_from_results import joined_halves
     from rotorid.flying.model_logs import flies_under_control
 
     folders = [Path(path) for path in vehicle]
@@ -208,7 +208,7 @@ def _fliers(vehicle: list[str]) -> list[IdentifiedModel]:
     models = load_results(folders)
     if len(models) == 1 and flies_under_control(models[0]):
         return models
-    if len(models) == len(HALVES) and joined_halves(models) is not None:
+    if len(models) == 2 and joined_halves(models) is not None:
         return models
     drags = [model for model in models if model.nonlinear is not None and not flies_plans(model)]
     others = [model for model in models if model not in drags]

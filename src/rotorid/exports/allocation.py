@@ -318,27 +318,34 @@ def _compared(
     parameters: Mapping[str, float],
 ) -> Iterator[Compared]:
     """What each autopilot makes of the vehicle's rotors with its file, next to the factors themselves."""
-    made = {"ArduPilot": (factors * (0.5, 0.5, 0.5, 1.0), lua_factors(next(iter(bodies.values()))))}
-    betaflight = next((text for file, text in bodies.items() if file.endswith(".txt")), None)
-    if betaflight is not None:
-        made["Betaflight"] = (factors, mmix_factors(betaflight))
-    made["PX4"] = (px4_mixer(layout), px4_mixer(px4_layout(parameters)))
     acts = effectiveness(layout, kappa_m)
     unit = "m" if layout.arm_known else "1"
-    for autopilot, (own, written) in made.items():
-        wanted, found = acts @ own, acts @ written
-        for row, axis in enumerate(AXES):
-            yield Compared(
-                name=f"{autopilot}: {axis} per command",
-                unit="1" if axis == "thrust" else unit,
-                identified=float(wanted[row, row]),
-                exported=float(found[row, row]),
-                held="exact",
-            )
-        share = _coupling(found)
+    lua = lua_factors(next(iter(bodies.values())))
+    yield from _responses("ArduPilot", acts @ (factors * (0.5, 0.5, 0.5, 1.0)), acts @ lua, unit)
+    text = next((body for file, body in bodies.items() if file.endswith(".txt")), None)
+    if text is not None:
+        yield from _responses("Betaflight", acts @ factors, acts @ mmix_factors(text), unit)
+    yield from _responses("PX4", acts @ px4_mixer(layout), acts @ px4_mixer(px4_layout(parameters)), unit)
+
+
+def _responses(autopilot: str, wanted: FloatArray, found: FloatArray, unit: str) -> Iterator[Compared]:
+    """Response of each axis to its own command, and the largest coupling of axes."""
+    for row, axis in enumerate(AXES):
         yield Compared(
-            name=f"{autopilot}: coupling of axes", unit="1", identified=0.0, exported=share, held="exact", size=1.0
+            name=f"{autopilot}: {axis} per command",
+            unit="1" if axis == "thrust" else unit,
+            identified=float(wanted[row, row]),
+            exported=float(found[row, row]),
+            held="exact",
         )
+    yield Compared(
+        name=f"{autopilot}: coupling of axes",
+        unit="1",
+        identified=0.0,
+        exported=_coupling(found),
+        held="exact",
+        size=1.0,
+    )
 
 
 def _coupling(response: FloatArray) -> float:

@@ -30,7 +30,7 @@ from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
 from rotorid.identifying.settings import TrackSettings
 from rotorid.io.records import as_records
-from rotorid.models.families import RATE_AXIS
+from rotorid.models.families import RATE_AXIS, rate_model_of
 from rotorid.models.parameter import no_such
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.provenance import Provenance, provenance
@@ -217,9 +217,6 @@ def track(
     )
 
 
-_TRACKED = tuple(name for name, axis in RATE_AXIS.items() if axis in RATE_OF)
-
-
 def _axis(model: str | IdentifiedModel, chosen: Axis | None) -> tuple[Axis, list[Finding]]:
     """Whose rate is followed, with a remark where others could be.
 
@@ -230,10 +227,11 @@ def _axis(model: str | IdentifiedModel, chosen: Axis | None) -> tuple[Axis, list
     """
     if isinstance(model, IdentifiedModel):
         name, axes = model.name, model.rate_axes
-    elif model in _TRACKED:
-        name, axes = model, (RATE_AXIS[model],)
     else:
-        raise no_such("model to track", model, _TRACKED)
+        name, own = model, RATE_AXIS.get(model)
+        if own not in RATE_OF:
+            raise no_such("model to track", model, [rate_model_of(axis) for axis in RATE_OF])
+        axes = (own,)
     if not axes:
         raise UsageError(
             f"{name} has no rate by its command",
