@@ -26,7 +26,7 @@ NAMES = {
             "controller",
             "verdict",
         ),
-        *("orders", "verdict"),
+        *("orders", "rotors", "filters_removed", "noise_runs"),
     },
     "ParameterEstimate": {"value", "unit", "std", "cramer_rao_percent", "insensitivity_percent", "status"}
     | {"std_random", "std_model", "lower", "upper"},
