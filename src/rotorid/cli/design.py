@@ -18,7 +18,7 @@ from rotorid.cli.options import ForPaper, Only, Output, complete_from
 from rotorid.cli.preferences import results_folder
 from rotorid.cli.vehicles import Like, print_vehicle_remarks
 from rotorid.data.display import listed
-from rotorid.data.quantity import error_columns, significant
+from rotorid.data.quantity import error_columns, percent, significant
 from rotorid.errors import UsageError
 from rotorid.flying.settings import (
     Air,
@@ -165,7 +165,7 @@ def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
         )
     reached, limit = (significant(math.degrees(angle)) for angle in (document.reached_rad, document.limit_rad))
     lines.append(f"Predicted angle: ± {reached}° (limit {limit}°), with a loop of about 1 rad/s around the rig.")
-    known = [f"{name} ±{row.percent:.2g} %" for name, row in document.expected.items() if row.percent is not None]
+    known = [f"{name} ±{percent(row.percent)} %" for name, row in document.expected.items() if row.percent is not None]
     if known:
         lines.append(f"Expected error of {document.model}: {', '.join(known)}.")
     place = folder / "plan.json"
