@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.axes import ATTITUDE, RATES
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
@@ -88,6 +89,7 @@ def from_angles(record: FlightRecord, outputs: Sequence[str] = ()) -> tuple[Flig
 class _Samples(NamedTuple):
     """Channels of one topic on stamps that only go forward; angles without jumps."""
 
+    names: tuple[str, ...]
     topic: str
     time_s: FloatArray
     values: FloatArray
@@ -123,7 +125,7 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
         )
     if set(names) <= set(ATTITUDE):
         values = np.unwrap(values, axis=1)
-    return _Samples(best.name, np.asarray(time_s), np.asarray(values), rate_hz)
+    return _Samples(tuple(names), best.name, np.asarray(time_s), np.asarray(values), rate_hz)
 
 
 def _rates(record: FlightRecord, angles: _Samples) -> tuple[Topic, Finding]:
@@ -167,9 +169,9 @@ def _price(
     return warn(
         "differentiated",
         f"{record.source.name}: {of.topic}",
-        f"{words} of {record.source.name} are derivatives of {of.topic} at {of.rate_hz:.3g} Hz, so they are "
-        f"noisy: {noise:.2g} {unit}/s^2 of noise up to {SLOW_HZ:g} Hz, where the accelerations have {motion:.2g}. "
-        "Smoothing or delay in the logged signals remains.",
+        f"Derivatives of {listed(of.names)} at {of.rate_hz:.3g} Hz replace {words} of {record.source.name}. "
+        f"Up to {SLOW_HZ:g} Hz, the accelerations contain {noise:.2g} {unit}/s^2 of noise and {motion:.2g} {unit}/s^2 "
+        "in all. Smoothing or delay in the logged signals remains.",
         noise_gain_1_s2=gain,
         plain_gain_1_s2=plain,
         scatter=scatter,

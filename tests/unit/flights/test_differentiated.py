@@ -58,6 +58,8 @@ def test_the_price_is_that_of_the_noise() -> None:
     assert finding.numbers["scatter"] == pytest.approx(1e-3, rel=0.15)
     assert finding.numbers["noise_gain_1_s2"] == pytest.approx(noise_gain(100.0))
     assert finding.numbers["acceleration_noise"] == pytest.approx(1e-3 * noise_gain(100.0), rel=0.15)
+    assert "Derivatives of phi, theta and psi at 100 Hz replace p, q and r" in finding.message
+    assert f"contain {finding.numbers['acceleration_noise']:.2g} rad/s^2 of noise" in finding.message
     # White noise through the same low-pass and derivative has what the formula says.
     from scipy.signal import butter, sosfilt
 
