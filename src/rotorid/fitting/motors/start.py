@@ -52,19 +52,26 @@ def searched_motors(problem: MotorProblem) -> MotorProblem:
 
 
 def coarser(record: MotorRecord) -> MotorRecord:
-    """A record of some 50 samples in a second: outputs averaged over them, filters in front of the sensors left out."""
+    """A record of some 50 samples in a second: outputs averaged over them, filters in front of the sensors left out.
+
+    The specific force keeps its mean, which is the weight: of a differentiated height, only all samples together have
+    it, since the noise of every second or third one does not cancel.
+    """
     every = max(1, int(record.sample_rate_hz / _SEARCHED_HZ))
     count = record.samples // every
 
     def mean(rows: FloatArray) -> FloatArray:
         return np.asarray(rows[..., : count * every].reshape(*rows.shape[:-1], count, every).mean(axis=-1))
 
+    az = record.az[: count * every : every]
+    if az.size:
+        az = az + (record.az[: count * every].mean() - az.mean())
     return replace(
         record,
         sample_rate_hz=record.sample_rate_hz / every,
         outputs=mean(record.outputs),
         rates=record.rates[:, : count * every : every],
-        az=record.az[: count * every : every],
+        az=az,
         w=record.w[: count * every : every],
         strength=mean(record.strength),
         gyro_taps=np.ones(1),

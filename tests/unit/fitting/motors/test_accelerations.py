@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.accelerations import AccelerationErrors, acceleration_errors
 from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.start import coarser
 from rotorid.models.motors import motor_parameters
 from rotorid.search import search
 from rotorid.vehicles.motor_flight import TRUTH, Air, flights, levers
@@ -23,6 +26,16 @@ def posed(records: tuple[MotorRecord, ...]) -> AccelerationErrors:
 @pytest.fixture(scope="module")
 def calm() -> AccelerationErrors:
     return posed(flights(1, seed=7, duration_s=20.0, air=Air(gyro=1e-4, gust=0.01, accelerometer=0.01)))
+
+
+def test_a_coarser_record_weighs_as_much() -> None:
+    (record,) = flights(1, seed=7, duration_s=20.0)
+    # Second differences of a height with noise add up to nothing; those of every second sample do not.
+    height = 2e-3 * np.random.default_rng(0).standard_normal(record.az.size + 2)
+    noisy = replace(record, az=record.az + np.diff(height, 2) * record.sample_rate_hz**2)
+    made = coarser(noisy)
+    assert made.sample_rate_hz < record.sample_rate_hz
+    assert made.az.mean() == pytest.approx(record.az.mean(), abs=0.05)
 
 
 def test_in_calm_air_the_truth_comes_back(calm: AccelerationErrors) -> None:
