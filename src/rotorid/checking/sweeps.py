@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.findings import Finding, remark, warn
+from rotorid.data.record import Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import fitted_band
@@ -182,17 +183,18 @@ _ADVICE = "Fly doublets, or give another log with --verify."
 def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyCheck:
     """Fit a structure to all maneuvers but one, and judge that second model on that one.
 
-    Held out is the last maneuver of an axis that was flown more than once: without the only sweep of an axis its
-    parameters would be those of noise. The second fit begins from nothing: its band, its start values and what it drops
-    come from the maneuvers that are left. It is another model than the one of the result, which has seen all of them.
+    Held out is the last maneuver of an axis that was flown more than once: without the only sweep of an axis, or of
+    a motor that turns it on a pivot, its parameters would be those of noise. The second fit begins from nothing: its
+    band, its start values and what it drops come from the maneuvers that are left. It is another model than the one of
+    the result, which has seen all of them.
 
     Parameters
     ----------
     flights
         All maneuvers that the model of the result was fitted to.
     """
-    axes = [flight.axis for flight in flights]
-    again = [index for index, axis in enumerate(axes) if axes.count(axis) > 1]
+    shown = [_shown_by(flight.maneuver) for flight in flights]
+    again = [index for index, one in enumerate(shown) if shown.count(one) > 1]
     if not again:
         return FrequencyCheck(findings=(nothing_left(),))
     rest, held_out = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
@@ -212,6 +214,11 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
     findings = (*poor, _held_out(name, max(judged.costs.values()), band))
     return replace(judged, findings=findings)
+
+
+def _shown_by(maneuver: Maneuver) -> str:
+    """What a maneuver excites: its axis, or the one motor that was swept on a bench."""
+    return maneuver.signal if maneuver.signal.startswith("motor_") else maneuver.axis
 
 
 def nothing_left() -> Finding:

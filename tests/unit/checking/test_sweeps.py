@@ -247,6 +247,18 @@ def test_the_only_maneuver_of_an_axis_is_not_held_out(first: Fit) -> None:
     assert "each on its own axis" in of_kind("not_verified", hold_out(*held(first, once)).findings)["verification"]
 
 
+def of_motor(flown: Flight, motor: str) -> Flight:
+    return Flight(flown.record, replace(flown.maneuver, signal=motor))
+
+
+def test_the_only_sweep_of_a_motor_is_not_held_out(first: Fit) -> None:
+    # On a pivot both motors turn one axis, but each has its own delay, which only its own sweep shows.
+    once = [of_motor(first.selection.fitted[0], "motor_3"), of_motor(first.second, "motor_4_excitation")]
+    assert "verification" in of_kind("not_verified", hold_out(*held(first, once)).findings)
+    twice = [*once, of_motor(first.second, "motor_4_excitation")]
+    assert of_kind("held_out", hold_out(*held(first, twice)).findings)
+
+
 def test_the_last_maneuver_of_an_axis_flown_twice_is_held_out(first: Fit) -> None:
     flown = [*first.selection.fitted, first.second, of_axis(first.selection.fitted[0], "pitch")]
     (where,) = of_kind("held_out", hold_out(*held(first, flown)).findings)
