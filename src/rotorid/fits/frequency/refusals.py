@@ -7,11 +7,12 @@ input is not described, where a pole lies beyond the sample rate, or where a val
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import with_error
 from rotorid.data.trust import CERTAIN_SIGN
@@ -194,16 +195,31 @@ def _reasons_to_refuse(fitted: FrequencyFit) -> list[Finding]:
     return reasons
 
 
-def faster_than_sampled(name: str, system: StateSpace, sample_rate_hz: float | None) -> Iterator[Finding]:
-    """A pole that no sample shows: a lag that is not there, such as the second one of what is of first order."""
-    fastest = float(np.abs(system.poles()).max(initial=0.0))
-    if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
-        message = (
-            f"The model has a pole at {fastest:.3g} rad/s ({fastest / (2.0 * np.pi):.3g} Hz), above the sample "
-            f"rate of {sample_rate_hz:.3g} Hz, so the data cannot show it."
-        )
-        yield refusal("impossible_physics", name, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
+def faster_than_sampled(
+    name: str, system: StateSpace, sample_rate_hz: float | None, outputs: Sequence[str] = ()
+) -> Iterator[Finding]:
+    """A pole that no sample shows: a lag that is not there, such as the second one of what is of first order.
 
+    With the names of the outputs, the finding is on those that the pole moves, if others are free of it.
+    """
+    A, _, C, _ = system.proper()
+    poles, modes = np.linalg.eig(A)
+    fastest = float(np.abs(poles).max(initial=0.0))
+    if sample_rate_hz is not None and fastest > 2.0 * np.pi * sample_rate_hz:
+        moved = np.abs(C @ modes[:, np.argmax(np.abs(poles))])
+        own = [one for one, size in zip(outputs, moved, strict=False) if size > _TRACE * moved.max()]
+        part = listed(own) if own and len(own) < len(outputs) else ""
+        message = (
+            f"The model {f'of {part} ' if part else ''}has a pole at {fastest:.3g} rad/s "
+            f"({fastest / (2.0 * np.pi):.3g} Hz), above the sample rate of {sample_rate_hz:.3g} Hz, so the data "
+            "cannot show it."
+        )
+        where = f"{name}: {part}" if part else name
+        yield refusal("impossible_physics", where, message, pole_rad_s=fastest, sample_rate_hz=sample_rate_hz)
+
+
+_TRACE = 1e-3
+"""Of the largest output of a mode: outputs with less are free of it."""
 
 _NO_MODEL = 0.99
 """Of the largest model error, where the search for it ended at its limit."""

@@ -57,14 +57,18 @@ def require_time_fit_explains(fitted: TimeFit, frequency: FrequencyFit | None, r
     if not opaque:
         reasons += out_of_iterations(name, fitted.solution)
         system = fitted.structure.matrices(fitted.parameters.values)
-        reasons += faster_than_sampled(name, system, min(record.sample_rate_hz for record in records.data))
+        rate_hz = min(record.sample_rate_hz for record in records.data)
+        reasons += faster_than_sampled(name, system, rate_hz, fitted.structure.outputs)
     of_vehicles = all(is_command(name) for name in fitted.problem.structure.inputs)
     if frequency is not None and not opaque and of_vehicles:
         reasons += _missed_responses(fitted, frequency, records)
     if reasons:
         too_large = all(reason.kind == "impossible_physics" for reason in reasons)
+        # Of several outputs, one may be of lower order than the others.
+        part = next((reason.where.removeprefix(f"{name}: ") for reason in reasons if reason.where != name), "")
+        rest = f" for {part}, and this one without it (--inputs, --outputs)" if part else ""
         remedy = (
-            "use a model of one order less"
+            f"use a model of one order less{rest}"
             if too_large
             else "use a model with the missing dynamics, or segments in which the inputs move the vehicle"
         )

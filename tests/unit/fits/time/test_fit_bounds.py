@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.unit.checking.response_flight import flight
 
 from rotorid.data.record import Maneuver
 from rotorid.errors import InsufficientDataError
+from rotorid.fits.frequency.refusals import faster_than_sampled
 from rotorid.fits.scatter import disagreements
 from rotorid.fits.time.fit import TimeFit, TimeMethod, fit_in_time
 from rotorid.fits.time.frequency_check import with_distance
@@ -18,6 +20,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import time_records
 from rotorid.identifying.identification import identify
 from rotorid.models.library import response_model
+from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.results.summary import Compared
 from rotorid.settings.identifying import IdentifySettings
@@ -50,6 +53,25 @@ def test_a_second_lag_that_is_none_is_refused(method: str) -> None:
     assert identify([log], "response.first_order_delay", method=method).parameters["T_phi"].value == pytest.approx(
         0.25, abs=0.01
     )
+
+
+def test_the_output_that_is_of_lower_order_is_named() -> None:
+    # phi has two slow lags; velocity_down has one, and a second one that no sample shows.
+    system = StateSpace(
+        M=np.eye(4),
+        F=np.diag([-3.0, -4.0, -2.0, -5000.0]),
+        G=np.ones((4, 1)),
+        H0=np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]),
+        H1=np.zeros((2, 4)),
+        input_delays_s=np.zeros(1),
+        output_delays_s=np.zeros(2),
+    )
+    (finding,) = faster_than_sampled("model", system, 25.0, ("phi", "velocity_down"))
+    assert finding.message.startswith("The model of velocity_down has a pole at 5e+03 rad/s")
+    assert finding.where == "model: velocity_down"
+    (whole,) = faster_than_sampled("model", system, 25.0)
+    assert whole.where == "model"
+    assert not list(faster_than_sampled("model", system, 5000.0, ("phi", "velocity_down")))
 
 
 def test_a_zero_and_a_pole_that_cancel_are_warned_of() -> None:
