@@ -341,10 +341,12 @@ def comparison_summary(document: CompareDocument) -> tuple[str, ...]:
             f"Best by cross-validation: {best}, with {significant(means[best])} %{_runner_up(means, best)}."
         )
     count = len(document.models)
-    ranked = sentences or [
-        f"No ranking of these {count} results: each was scored on its own data. Add --log LOG to score all on the same "
-        "data."
-    ]
+    why = (
+        "no maneuver of the logs has a score of every model."
+        if document.maneuvers
+        else "each was scored on its own data. Add --log LOG to score all on the same data."
+    )
+    ranked = sentences or [f"No ranking of these {count} results: {why}"]
     return (*ranked, *_changes(document))
 
 

@@ -63,6 +63,16 @@ def test_a_lead_within_the_spread_is_said_to_be_none(results: list[Path]) -> Non
     assert sentence.endswith("%, within the spread).")
 
 
+def test_models_without_common_outputs_are_not_asked_for_a_log_again(unseen: Comparison) -> None:
+    document = compare_document(unseen)
+    apart = document.model_copy(update={"models": [m.model_copy(update={"on_logs": None}) for m in document.models]})
+    sentence, *_ = comparison_summary(apart)
+    assert "no maneuver of the logs has a score of every model" in sentence
+    assert "--log" not in sentence
+    sentence, *_ = comparison_summary(apart.model_copy(update={"maneuvers": []}))
+    assert "Add --log LOG" in sentence
+
+
 def test_cross_validated_results_are_ranked(results: list[Path]) -> None:
     document = compare_document(compare(read_results(results)))
     means = (72.5, 81.4, 80.0)
