@@ -20,7 +20,7 @@ from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
 from rotorid.report.unavailable import merged_axes
-from rotorid.reviewing.inspection import Inspection, coverage
+from rotorid.reviewing.inspection import Inspection, answering_model, coverage
 from rotorid.reviewing.values import Unavailable
 from rotorid.signal.airborne import evidence_words
 from rotorid.signal.excitations import excitation_signals
@@ -85,6 +85,8 @@ def good_for(inspection: Inspection) -> tuple[tuple[str, str], ...]:
     for model, support in inspection.supports.items():
         if support.possible:
             by.setdefault(_BY.get(support.by, support.because), []).append(model)
+    if answers := answering_model(inspection):
+        by["from its set-points"] = [answers]
     return tuple((", ".join(models), words) for words, models in by.items())
 
 

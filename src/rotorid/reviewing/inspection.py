@@ -25,6 +25,7 @@ from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_f
 from rotorid.flying.next_steps import KnownOfLog, next_steps
 from rotorid.io.motor_speeds import checked_speeds
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
+from rotorid.models.library import response_pairs
 from rotorid.results.provenance import LoggedManeuver, logged
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verbs import with_verbs
@@ -311,8 +312,19 @@ def _next_commands(record: FlightRecord, inspection: Inspection) -> tuple[str, .
         ),
         None,
     )
+    if not models and segment is None and (answers := answering_model(inspection)):
+        models = (answers,)
     known = KnownOfLog(record=record, models=models, segment=segment, reviewed=not inspection.flights)
     return tuple(next_steps(known))
+
+
+def answering_model(inspection: Inspection) -> str:
+    """The model of answers to set-points, where each that has an answer moved; empty elsewhere."""
+    pairs = response_pairs({channel.name for channel in inspection.channels})
+    moved = {maneuver.signal for maneuver in (*inspection.excitations, *inspection.candidates)}
+    grounded = any(finding.kind == "never_airborne" for finding in inspection.findings)
+    answers = pairs and not grounded and moved.issuperset(setpoint for setpoint, _ in pairs)
+    return "response.first_order_delay" if answers else ""
 
 
 def _would_identify(inspection: Inspection, candidate: CandidateManeuver) -> bool:

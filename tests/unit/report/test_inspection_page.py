@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.checking.response_flight import flight as answering_flight
 from tests.unit.cli.commands import rotorid
 
 from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import UsageError
 from rotorid.report import inspection as page_of_log
-from rotorid.report.inspection import log_picture, not_for, render_inspection, write_inspection
+from rotorid.report.inspection import good_for, log_picture, not_for, render_inspection, write_inspection
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
 
@@ -220,3 +221,12 @@ def test_a_picture_that_fails_leaves_a_sentence_on_its_page(monkeypatch: pytest.
     assert "This picture could not be computed because of a fault in rotorid" in shown
     assert "<panel>" not in shown
     assert "rate.roll" in shown
+
+
+def test_a_log_of_answers_to_set_points_leads_to_their_model() -> None:
+    inspection = inspect(answering_flight())
+    assert good_for(inspection) == (("response.first_order_delay", "from its set-points"),)
+    assert any("--model response.first_order_delay" in command for command in inspection.next_commands)
+    # A set-point that did not move has no answer.
+    still = replace(inspection, excitations=(), candidates=())
+    assert good_for(still) == ()
