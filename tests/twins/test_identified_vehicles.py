@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from tests.unit.flying.test_vehicle_twins import CONTROLS, body_numbers, of_library
+from tests.unit.flying.test_user_vehicles_twins import CONTROLS, body_numbers, of_library
 from tests.unit.flying.vehicle_twins import DENSITY, DIAMETER_M, twin_of
 
 from rotorid.documents.vehicle import parse_vehicle, vehicle_toml

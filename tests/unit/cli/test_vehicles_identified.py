@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from tests.unit.cli.commands import rotorid
-from tests.unit.flying.test_vehicle_twins import body_numbers
+from tests.unit.flying.test_user_vehicles_twins import body_numbers
 from tests.unit.flying.vehicle_twins import derivatives_of, hover_physics, twin_of
 
 from rotorid.documents.result import save
