@@ -134,7 +134,7 @@ class Covered:
             same = replace(fit, skews_s=np.zeros(2))
             (one,) = flights_alone(same, [record], PLAIN, fewest=1)
             for name in one.values.keys() & set(fit.errors.names):
-                half = 1.96 * float(np.hypot(fit.errors.std_of_another(name), one.stds[name]))
+                half = 1.96 * fit.errors.std_of_another(name, one.stds[name], one.shared[name])
                 self.inside.append(abs(one.values[name] - fit.values[name]) <= half)
                 self.widths.append(half / usual_scatter(name, fit.values[name]))
 
@@ -145,4 +145,20 @@ def covered(records: dict[str, MotorRecord]) -> Covered:
 
 
 def test_intervals_hold_on_a_flight_that_was_left_out(covered: Covered) -> None:
-    assert np.mean(covered.inside) >= 0.85
+    """24 of 25; drag of the slow flight is outside."""
+    assert np.mean(covered.inside) >= 0.90
+
+
+def test_intervals_of_a_flight_that_was_left_out_are_no_wider_than_flights_differ(covered: Covered) -> None:
+    """4.5 times the usual scatter in the median; 8.3 where every source counts for each flight anew."""
+    assert np.median(covered.widths) < 5.0
+
+
+@pytest.mark.xfail(
+    raises=AssertionError,
+    strict=True,
+    reason="4.5: of two flights without errors it is 2.7, by Student's t; place and drag of these three differ by 6 to "
+    "10 times the usual scatter",
+)
+def test_intervals_of_a_flight_that_was_left_out_are_three_times_the_usual_scatter(covered: Covered) -> None:
+    assert np.median(covered.widths) <= 3.0

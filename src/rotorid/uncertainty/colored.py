@@ -56,7 +56,7 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
 
     A fit takes from the residuals what looks like its parameters, and slow errors look like them most. With P the
     projection on parameters and unknowns, :math:`E[r r^T] = (I - P) \Sigma (I - P)`: what is missing is computed for
-    the autoregression found so far and given back, until it rests.
+    the autoregression found so far and given back, until it rests; nothing is, where it does not.
 
     Records of one sample rate share an autoregression; errors that last as long are another one at another rate.
 
@@ -116,9 +116,15 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
     D, _ = _inverse_information(parts)
     root = np.linalg.cholesky((D + D.T) / 2.0)
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
-    processes = _of_each(parts, None)
+    processes = plain = _of_each(parts, None)
+    given, moved = [np.zeros(()) for _ in parts], np.inf
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
-        processes = _of_each(parts, _missing(taken, processes, parameters))
+        missing = _missing(taken, processes, parameters)
+        before, moved = moved, float(np.sqrt(sum(np.sum((m - g) ** 2) for m, g in zip(missing, given, strict=True))))
+        if moved > before:
+            # Errors that outlast the record leave no rest: rounds jump by ten times, residuals alone err by two.
+            return plain
+        processes, given = _of_each(parts, missing), missing
     return processes
 
 

@@ -12,10 +12,14 @@ freedom, five for the usual scatter, which six flights gave:
 .. math::
 
     \tau^2 = \frac{5 \tau_0^2 + (n - 1) \tau_{DL}^2}{5 + n - 1}, \qquad
-    \pm t_{5 + n - 1} \sqrt{\tau^2 / n + s^2}, \qquad \pm t_{5 + n - 1} \sqrt{\tau^2 + \tau^2 / n + s^2 + s_{new}^2}
+    \pm \sqrt{t^2 \tau^2 / n + z^2 (s^2 + b^2)}, \qquad
+    \pm \sqrt{t^2 (\tau^2 + \tau^2 / n) + z^2 (s^2 + s_{new}^2 + (b - b_{new})^2)}
 
-is where the number of the vehicle lies, and that of another flight alone. A single flight has the usual scatter, a
-stated assumption. Thrust without inflow and what inflow takes trade: what scatters on its own is thrust in hover, by
+is where the number of the vehicle lies, and that of another flight alone, with Student's :math:`t_{5 + n - 1}` of what
+few flights say, and :math:`z = 1.96` of what many blocks say. What motors do not explain of an axis, b, acts alike in
+all flights: it moves each as far as it is there, and no scatter shows it. Where a flight does not show a number, it is
+held as all together show it, so that flights compare. A single flight has the usual scatter, a stated assumption.
+Thrust without inflow and what inflow takes trade: what scatters on its own is thrust in hover, by
 2 %, and c_2 follows from it and from what inflow takes.
 """
 
@@ -38,13 +42,13 @@ from rotorid.fitting.flight.fit import (
     fit_flight,
     predicted_force,
 )
-from rotorid.fitting.flight.force import whitening
+from rotorid.fitting.flight.force import PLACE, whitening
 from rotorid.fitting.flight.ladder import USUAL_BEND, USUAL_REST
 from rotorid.fitting.flight.moment import AIR_TERMS, MOMENT_NUMBERS, moment_error
 from rotorid.fitting.flight.motion import motion
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.problem import Part
-from rotorid.models.flight import CURVE_TERMS, FLIGHT_PARAMETERS, INERTIA, full_thrust, speeds_of_outputs
+from rotorid.models.flight import CURVE_TERMS, FLIGHT_PARAMETERS, FORCE_TERMS, INERTIA, full_thrust, speeds_of_outputs
 from rotorid.models.motors import SPIN_UP
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_covariance
@@ -61,6 +65,9 @@ HOVER_SCATTER, _AGAINST = 0.02, -0.9
 """Scatter of thrust in hover between flights, and its correlation with that of what inflow takes: three flights of a
 racing quadrotor to 2.4 g differ by 1.9 % and by 11 %, correlated by -0.97, and their slopes in hover by 1.0 %."""
 
+_HELD = frozenset((*FORCE_TERMS, *PLACE, *AIR_TERMS)) - {*CURVE_TERMS}
+"""Numbers that a flight may not show, and that those which it shows depend on."""
+
 _HOVER = "hover"
 _FEWEST = 2
 _THINNED_HZ = 50.0
@@ -69,10 +76,30 @@ _LEAST_STEPS: Mapping[str, float] = {"s": 1e-3, "m": 1e-4, "m/s": 1e-2}
 
 
 class OneFlight(NamedTuple):
-    """Numbers that one flight shows alone, and their deviations within it."""
+    """Numbers that one flight shows alone, their deviations within it, and what acts alike in all flights.
+
+    Parameters
+    ----------
+    values, stds
+        By name.
+    shared
+        By name, rows as of :attr:`rotorid.fitting.flight.fit.FlightErrors.shared`.
+    """
 
     values: Mapping[str, float]
     stds: Mapping[str, float]
+    shared: Mapping[str, FloatArray]
+
+
+class _Within(NamedTuple):
+    """Covariance of random errors within flights, ``(p, p)``, and deviations of what acts alike in all, ``(p, 2)``."""
+
+    random: FloatArray
+    shared: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        return np.asarray(self.random + self.shared @ self.shared.T)
 
 
 def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightChoices | None = None) -> FlightFit:
@@ -89,7 +116,8 @@ def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightC
     """
     records = tuple(records)
     names = tuple(name for name in fit.free if name in fit.values)
-    random = _within(fit, records, names)
+    within = _within(fit, records, names)
+    random = within.covariance
     alone = flights_alone(fit, records, choices or FlightChoices())
     total = random.copy()
     measured = False
@@ -108,8 +136,6 @@ def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightC
         freedom = USUAL_FREEDOM + count - 1.0
         factor = float(stdtrit(freedom, 0.975)) / TWO_SIDED_95
         places = [k for k, one in enumerate(names) if (one in CURVE_TERMS if name == _HOVER else one == name)]
-        total[places] *= factor
-        total[:, places] *= factor
         between[places] = factor * scatter
         spread[places] = between[places] / np.sqrt(count)
     mixed = _mixed(fit, names)
@@ -118,7 +144,7 @@ def with_errors(fit: FlightFit, records: Sequence[MotorRecord], choices: FlightC
     # Squares of deviations, so that saved ones give them back to the last digit.
     np.fill_diagonal(total, np.sqrt(total.diagonal()) ** 2)
     how = "flights" if measured else "assumed"
-    errors = FlightErrors(names=names, covariance=total, random=random, how=how, scatter=between)
+    errors = FlightErrors(names=names, covariance=total, random=random, how=how, scatter=between, shared=within.shared)
     return replace(fit, errors=errors)
 
 
@@ -147,6 +173,7 @@ def flights_alone(
 ) -> tuple[OneFlight, ...]:
     """What each flight shows alone, with the terms of all; stretches of one log are one flight.
 
+    Terms that it does not show are held as all together show them: without them, the others would be other numbers.
     Flights that show nothing are left out, and so are numbers that end on a bound.
     """
     flights: dict[str, list[int]] = {}
@@ -167,15 +194,20 @@ def flights_alone(
         stretches = [records[place] for place in places]
         try:
             alone = fit_flight(stretches, fit.airframe, own)
+            hidden = {name: fit.values[name] for name in fit.free if name in _HELD and name not in alone.free}
+            if hidden:
+                alone = fit_flight(stretches, fit.airframe, replace(own, values={**own.values, **hidden}))
         except (InsufficientDataError, ModelError):
             continue
         shown = (name for name in alone.free if name in fit.free and name not in alone.missing)
         names = tuple(name for name in shown if alone.values.get(name, 0.0) != 0.0)
-        stds = np.sqrt(np.maximum(_within(alone, stretches, names).diagonal(), 0.0))
+        within = _within(alone, stretches, names)
+        stds = np.sqrt(np.maximum(within.random.diagonal(), 0.0))
         found.append(
             OneFlight(
                 {**{name: alone.values[name] for name in names}, _HOVER: alone.hover.coefficient},
                 {**{name: float(std) for name, std in zip(names, stds, strict=True)}, _HOVER: 0.0},
+                dict(zip(names, within.shared, strict=True)),
             )
         )
     return tuple(found)
@@ -205,8 +237,8 @@ def _mixed(fit: FlightFit, names: Sequence[str]) -> FloatArray:
     return found
 
 
-def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> FloatArray:
-    """Covariance within flights, shape ``(p, p)``: forces, each band, and moments of the air, one after the other.
+def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]) -> _Within:
+    """Errors within flights: forces, each band, and moments of the air, one after the other.
 
     Each holds what the ones before found, and errs with it: inertia with thrust, moments of the air with thrust, drag,
     winds and inertia.
@@ -216,7 +248,7 @@ def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]
     air = [name for name in names if name in AIR_TERMS]
     blown = [place for place, wind in enumerate(fit.winds) if np.isfinite(wind).all()]
     size = len(names) + 2 * len(blown)
-    found = np.zeros((size, size))
+    found, shared = np.zeros((size, size)), np.zeros((size, len(_TILTING)))
     if force:
         places = [*(names.index(name) for name in force), *range(len(names), size)]
         found[np.ix_(places, places)] = covariance(_force_parts(fit, records, force, blown))
@@ -224,13 +256,19 @@ def _within(fit: FlightFit, records: Sequence[MotorRecord], names: Sequence[str]
     for name, std in by_turning.items():
         if name in names:
             found[names.index(name), names.index(name)] += std**2
+    for column, (name, axis) in enumerate(_TILTING.items()):
+        if name in by_turning and name in names:
+            # What motors do not explain of an axis may be an error of either side: of their torque, or of the motion.
+            left = [1.0 - octave.correlation**2 for octave in fit.octaves if octave.axis == axis and octave.kept]
+            shared[names.index(name), column] = fit.values[name] * float(np.mean(left)) if left else 0.0
     if air:
         parts = _air_parts(fit, records, names, blown)
         places = [names.index(name) for name in air]
         own = [part._replace(slopes=part.slopes[..., places]) for part in parts]
-        found = _followed(found, _by_held(parts, places))
+        by_held = _by_held(parts, places)
+        found, shared = _followed(found, by_held), shared + by_held @ shared
         found[np.ix_(places, places)] += covariance(own)
-    return found[: len(names), : len(names)]
+    return _Within(found[: len(names), : len(names)], shared[: len(names)])
 
 
 def covariance(parts: Sequence[Part]) -> FloatArray:
@@ -271,6 +309,8 @@ def _by_held(parts: Sequence[Part], places: Sequence[int]) -> FloatArray:
     found[:, places] = 0.0
     return found
 
+
+_TILTING: Mapping[str, str] = {"I_xx": "p", "I_yy": "q"}
 
 _BY_GAIN: Mapping[str, Literal["lifted", "static", "speed"]] = {
     "I_xx": "lifted",
@@ -434,13 +474,8 @@ def _band_stds(fit: FlightFit) -> dict[str, float]:
             for name, variance in _variances(chain).items():
                 variances.setdefault(name, []).append(variance)
     stds = {name: float(np.sqrt(sum(each)) / len(each)) for name, each in variances.items()}
-    for name, axis in (("I_xx", "p"), ("I_yy", "q")):
-        # What motors do not explain of an axis may be an error of either side: of their torque, or of the motion.
-        left = [1.0 - octave.correlation**2 for octave in fit.octaves if octave.axis == axis and octave.kept]
-        if name in stds and left:
-            stds[name] = float(np.hypot(stds[name], fit.values[name] * np.mean(left)))
     inertia = fit.values.get("I_zz", 0.0)
-    found = lag | {name: stds[name] for name in ("I_xx", "I_yy") if name in stds}
+    found = lag | {name: stds[name] for name in _TILTING if name in stds}
     if SPIN_UP in stds:
         found["J_r"] = stds[SPIN_UP] * inertia
     if "kappa_per_I_zz" in stds:

@@ -60,6 +60,26 @@ def test_what_the_fit_took_from_the_residuals_is_given_back() -> None:
     assert np.sqrt(np.mean(np.mean(stated, axis=0) / true)) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_given_back_where_that_has_no_end(seed: int) -> None:
+    """Slow columns of three outputs, and errors slower still: rounds of giving back jump from a tenth to five times."""
+    rng = np.random.default_rng(seed)
+    memory = np.convolve([1.0, -0.995], [1.0, -1.96, 0.9604])
+    errors = lfilter([1.0], memory, rng.normal(size=(3, 1000))).T
+    slopes = lfilter([1.0], [1.0, -0.97], rng.normal(size=(6, 3, 1000))).transpose(2, 1, 0)
+    slopes[:, 2, :2] += 1.0
+    left = errors - slopes @ np.linalg.lstsq(slopes.reshape(-1, 6), errors.ravel(), rcond=None)[0]
+    part = Part(left, slopes, np.zeros((1000, 3, 0)), 50.0)
+    toeplitz = np.zeros(1000)
+    impulse = lfilter([1.0], memory, np.r_[1.0, np.zeros(9999)])
+    for lag in range(1000):
+        toeplitz[lag] = impulse[lag:] @ impulse[: impulse.size - lag]
+    middle = sum(slopes[:, y].T @ matmul_toeplitz(toeplitz, slopes[:, y]) for y in range(3))
+    inverse = np.linalg.inv(np.einsum("nya,nyb->ab", slopes, slopes))
+    exact = np.sqrt((inverse @ middle @ inverse).diagonal())
+    assert np.all(np.abs(np.log2(np.sqrt(colored_covariance([part]).corrected.diagonal()) / exact)) < 1.5)
+
+
 def test_records_add_up() -> None:
     slopes = np.repeat(np.sign(np.random.default_rng(9).standard_normal((SAMPLES // 50, 1))), 50, axis=0)
     part, _ = regression(0, slopes)

@@ -12,6 +12,7 @@ from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.flight.fit import FlightChoices, FlightFit, fit_flight
 from rotorid.fitting.problem import Part
+from rotorid.models.flight import Airframe
 from rotorid.uncertainty.flight_error import covariance, flights_alone, usual_scatter, with_errors
 from rotorid.uncertainty.sandwich import by_bands, by_blocks
 
@@ -64,6 +65,39 @@ def test_random_errors_are_a_part(two: FlightFit) -> None:
 
 def test_another_flight_lies_farther_off_than_the_vehicle(two: FlightFit) -> None:
     assert two.errors.std_of_another("I_xx") > 1.5 * two.errors.std("I_xx")
+
+
+def test_what_acts_alike_in_all_flights_does_not_separate_them(two: FlightFit) -> None:
+    errors = two.errors
+    own = errors.shared[errors.names.index("I_xx")]
+    assert np.linalg.norm(own) > 0.0
+    alike, unlike = (errors.std_of_another("I_xx", shared=row) for row in (own, 0.0 * own))
+    assert unlike == pytest.approx(np.hypot(alike, np.linalg.norm(own)))
+    assert errors.std_of_another("I_xx") == alike
+
+
+def test_student_counts_for_scatter_alone(one: FlightFit) -> None:
+    for name in ("k_d", "I_xx"):
+        place = one.errors.names.index(name)
+        random = one.errors.random[place, place]
+        scattered = (2.5706 / 1.95996 * usual_scatter(name, one.values[name])) ** 2
+        assert one.errors.std(name) ** 2 == pytest.approx(random + scattered, rel=1e-3)
+
+
+def test_what_a_flight_does_not_show_is_held(two: FlightFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow flight has no hub moment of its own, and inertia and thrust are found with that of all."""
+    given = []
+
+    def noted(records: list[MotorRecord], airframe: Airframe, choices: FlightChoices) -> FlightFit:
+        given.append(choices.values)
+        return fit_flight(records, airframe, choices)
+
+    monkeypatch.setattr("rotorid.uncertainty.flight_error.fit_flight", noted)
+    slow = made_up_flight(3, seconds=7.0, speed=0.5, gusts_nm=0.003)
+    (alone,) = flights_alone(replace(two, skews_s=np.zeros(1)), [slow], CHOICES, fewest=1)
+    assert given[1]["m_f"] == two.values["m_f"]
+    assert not given[1].keys() & alone.values.keys()
+    assert alone.values["I_xx"] == pytest.approx(TRUTH["I_xx"], rel=0.05)
 
 
 def test_stretches_of_one_log_are_one_flight(flights: list[MotorRecord]) -> None:

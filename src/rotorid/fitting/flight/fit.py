@@ -109,6 +109,9 @@ class FlightErrors(Immutable):
         Where the scatter between flights comes from: ``flights`` or ``assumed``.
     scatter
         Standard deviation of each number between flights, shape ``(p,)``; none by default.
+    shared
+        Deviations from causes that act alike in all flights, a column for each cause, shape ``(p, causes)``; they are
+        part of both covariances. None by default.
     """
 
     names: tuple[str, ...]
@@ -116,13 +119,16 @@ class FlightErrors(Immutable):
     random: FloatArray
     how: str
     scatter: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shared: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         scatter = self.scatter if self.scatter.size else np.zeros(len(self.names))
+        shared = self.shared if self.shared.size else np.zeros((len(self.names), 0))
         self._set(
             covariance=read_only(self.covariance, np.float64, ndim=2),
             random=read_only(self.random, np.float64, ndim=2),
             scatter=read_only(scatter, np.float64, ndim=1),
+            shared=read_only(shared, np.float64, ndim=2),
         )
 
     def std(self, name: str) -> float:
@@ -130,9 +136,21 @@ class FlightErrors(Immutable):
         place = self.names.index(name)
         return float(np.sqrt(self.covariance[place, place]))
 
-    def std_of_another(self, name: str) -> float:
-        """One standard deviation of what another flight alone would show, beside its own random error."""
-        return float(np.hypot(self.std(name), self.scatter[self.names.index(name)]))
+    def std_of_another(self, name: str, std: float = 0.0, shared: FloatArray | None = None) -> float:
+        """One standard deviation of the difference between these numbers and what another flight alone shows.
+
+        What acts alike in all flights moves both, and counts only as far as it moves them differently.
+
+        Parameters
+        ----------
+        std, shared
+            Random error of the other flight, and its row of :attr:`shared`; by default none, and the one of these.
+        """
+        place = self.names.index(name)
+        own = self.shared[place]
+        apart = 0.0 if shared is None else float(np.linalg.norm(own - shared))
+        alone = max(float(self.covariance[place, place] - own @ own), 0.0)
+        return float(np.sqrt(alone + self.scatter[place] ** 2 + std**2 + apart**2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
