@@ -17,6 +17,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.documents.base import to_json
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
+from rotorid.plot.paper import bode_figure
 from rotorid.vehicles import rig
 
 MAP = """clock = "t"
@@ -94,3 +95,41 @@ def test_a_response_is_per_unit_of_the_log(tmp_path: Path) -> None:
     for unit, expected in {"V": "rad/V", "us": "rad/us", "rpm": "rad/(rad/s)", "%": "rad"}.items():
         found = rotorid.response([logged(tmp_path, unit)], inputs=("motor_3", "motor_4"), outputs=("phi",))
         assert found.pairs["phi/motor_3"].unit == expected
+        drawn = bode_figure(found.response, output="phi", input="motor_3", magnitude="linear")
+        assert drawn.axes[0].get_ylabel() == f"magnitude [{expected}]"
+
+
+def one_voltage(seed: int) -> FlightRecord:
+    """A rig in whose log one voltage drives both motors, the difference of the two."""
+    rng = np.random.default_rng(seed)
+    swept = rig.sweep(rng)
+    moved = rig.move(np.stack([0.0 * swept, 0.0 * swept, swept, -swept]), rng)
+    topic = moved.topics[0]
+    channels = tuple(channel for channel in topic.channels if channel.name in ("motor_3", "phi"))
+    drive = topic.values[topic.row("motor_3")] - topic.values[topic.row("motor_4")]
+    values = np.stack([drive, topic.values[topic.row("phi")]])
+    return replace(moved, declared=(), topics=(replace(topic, channels=channels, values=values),))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_voltage_for_both_motors_shows_their_mean_delay(seed: int) -> None:
+    model = rotorid.identify([one_voltage(seed)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    expected = {"K_f": rig.TRUTH["K_f"], "tau_3": 0.5 * (rig.TRUTH["tau_3"] + rig.TRUTH["tau_4"])}
+    for name, value in expected.items():
+        assert abs(model.parameters[name].value - value) < 2.0 * model.parameters[name].std, name
+    (said,) = [finding for finding in model.findings if finding.where == "delays"]
+    assert "motor_4 has no input of its own, so one delay stands for both motors" in said.message
+    assert 0.02 < said.numbers["size"] < 0.05
+
+
+def test_a_bench_is_swept_again_to_verify() -> None:
+    model = rotorid.identify([one_voltage(1)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    (said,) = [finding for finding in model.findings if finding.kind == "not_verified"]
+    assert said.message.endswith("Sweep again, and give that log with --verify.")
+
+
+def test_a_fit_in_time_says_that_delays_are_taken_as_equal() -> None:
+    model = rotorid.identify(
+        [one_voltage(1)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]}, method="output_error"
+    )
+    assert any("does not widen the intervals" in finding.message for finding in model.findings)

@@ -23,6 +23,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.measure import Measured, measure
 from rotorid.flights.segments import holds
+from rotorid.models.families import family_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import fit_and_drop
@@ -177,7 +178,11 @@ def _poor(records: Sequence[str], pairs: Mapping[str, PairCost]) -> list[Finding
     ]
 
 
-_ADVICE = "Fly doublets, or give another log with --verify."
+def _advice(structure: LinearStructure) -> str:
+    """What would judge a model: a bench flies nothing."""
+    if family_of(structure).needs == "single motors":
+        return "Sweep again, and give that log with --verify."
+    return "Fly doublets, or give another log with --verify."
 
 
 def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> FrequencyCheck:
@@ -196,7 +201,7 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     shown = [_shown_by(flight.maneuver) for flight in flights]
     again = [index for index, one in enumerate(shown) if shown.count(one) > 1]
     if not again:
-        return FrequencyCheck(findings=(nothing_left(),))
+        return FrequencyCheck(findings=(nothing_left(structure),))
     rest, held_out = [*flights[: again[-1]], *flights[again[-1] + 1 :]], flights[again[-1]]
     name = f"{held_out.record.source.name} at {held_out.maneuver.start_s:.1f} s"
     _PROGRESS.info(f"holding out {name}")
@@ -209,7 +214,7 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
         selected = structure if there == structure.outputs else structure.select(outputs=there)
         judged = check_sweeps(selected, parameters, [held_out], band_rad_s=band, settings=settings)
     except InsufficientDataError as error:
-        return FrequencyCheck(findings=(_not_held_out(name, error),))
+        return FrequencyCheck(findings=(_not_held_out(structure, name, error),))
     # Findings on the data of the first fit need no repetition for its parts.
     poor = (finding for finding in judged.findings if finding.kind == "poor_verification")
     findings = (*poor, _held_out(name, max(judged.costs.values()), band))
@@ -221,21 +226,22 @@ def _shown_by(maneuver: Maneuver) -> str:
     return maneuver.signal if maneuver.signal.startswith("motor_") else maneuver.axis
 
 
-def nothing_left() -> Finding:
+def nothing_left(structure: LinearStructure) -> Finding:
     """The finding on a model that has no unseen data and no maneuver to leave out."""
     return warn(
         "not_verified",
         "verification",
-        f"All maneuvers were used for the fit, each on its own axis; none is left to validate the model. {_ADVICE}",
+        f"All maneuvers were used for the fit, each on its own axis; none is left to validate the model. "
+        f"{_advice(structure)}",
     )
 
 
-def _not_held_out(name: str, error: InsufficientDataError) -> Finding:
+def _not_held_out(structure: LinearStructure, name: str, error: InsufficientDataError) -> Finding:
     return warn(
         "not_verified",
         name,
         f"No maneuver is left to validate the model, and a second fit without that of {name} failed: "
-        f"{error.came.rstrip('.')}. {_ADVICE}",
+        f"{error.came.rstrip('.')}. {_advice(structure)}",
     )
 
 

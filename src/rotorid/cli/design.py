@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rotorid.documents.bench import BenchDesignDocument
     from rotorid.documents.design import DesignDocument, PlanSummaryDocument, PredictionDocument
     from rotorid.documents.vehicle import NamedVehicle
+    from rotorid.flying.bench_designs import BenchSettings
 
 RIG = "rig"
 
@@ -84,17 +85,19 @@ def design_command(
     Exit code 1 where no plan to fit a model supports it; the files are written, and findings give the reason.
     """
     from rotorid.data.trust import RICH_KINDS
-    from rotorid.documents.vehicle import named_vehicle
+    from rotorid.documents.vehicle import named_rig, named_vehicle
     from rotorid.flying.designs import design as plan_flights
     from rotorid.io.folders import making
     from rotorid.report.files import require_autopilot, to_json, write_design
 
     require_autopilot(of_log.autopilot)
     _require_one_band(of_log, plan)
-    named = named_vehicle(vehicle, like=like, given=design.pop("changes", None))
-    if named.entry.name == RIG and named.entry.make is None:
-        _design_bench(kinds, design, plan, [*options_given(of_log).values(), *options_given(air).values()], output)
+    changes = design.pop("changes", None)
+    if like is None and (bench := named_rig(vehicle, given=changes)) is not None:
+        others = [*options_given(of_log).values(), *options_given(air).values()]
+        _design_bench(bench, kinds, design, plan, others, vehicle, output)
         return
+    named = named_vehicle(vehicle, like=like, given=changes)
     if not output.quiet:
         print_vehicle_remarks(named)
     choices = _as_flown(_settings(named, kinds, design, plan, air), of_log)
@@ -122,10 +125,16 @@ def design_command(
 
 
 def _design_bench(
-    kinds: Sequence[str], design: dict[str, Any], plan: dict[str, Any], others: Sequence[str], output: Output
+    bench: BenchSettings,
+    kinds: Sequence[str],
+    design: dict[str, Any],
+    plan: dict[str, Any],
+    others: Sequence[str],
+    vehicle: Sequence[str],
+    output: Output,
 ) -> None:
     """Sweeps of the motors of a rig, within the angle that it may reach."""
-    from rotorid.flying.bench_designs import BenchSettings, design_bench
+    from rotorid.flying.bench_designs import design_bench
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_bench_design
 
@@ -135,7 +144,7 @@ def _design_bench(
     if refused or list(kinds) != ["sweep"]:
         raise UsageError(
             f"{listed(refused or list(kinds))} cannot be used for a rig, which does not fly",
-            needed="a sweep with --axis, --band, --duration, --amplitude, --limit tilt=DEG, --prior or --seed",
+            needed="a sweep with --axis, --band, --duration, --amplitude, --limit tilt=DEG, --prior, --set or --seed",
         )
     given = {k: v for k, v in {**plan, "prior": design.get("prior")}.items() if k in taken and v is not None}
     if (limits := given.pop("limits", None)) is not None:
@@ -144,16 +153,22 @@ def _design_bench(
         output.out, results_folder() / f"{RIG}-design", result_kind("design.json"), force=output.force
     )
     with progress(quiet=output.quiet):
-        found = design_bench(BenchSettings(**given))
+        found = design_bench(replace(bench, **given))
         with making(target) as made:
             document = write_bench_design(made.place, found, command=command_line())
     if output.json:
         sys.stdout.write(to_json(document))
     elif not output.quiet:
-        _print_bench(document, made.folder)
+        prior = design.get("prior")
+        words = [*(vehicle if prior is None else [prior.place]), *_set_words(bench.changes)]
+        _print_bench(document, made.folder, words)
 
 
-def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
+def _set_words(changes: Mapping[str, float]) -> list[str]:
+    return [word for name, value in changes.items() for word in ("--set", f"{name}={value:.6g}")]
+
+
+def _print_bench(document: BenchDesignDocument, folder: Path, rig: Sequence[str]) -> None:
     """What moves, how far, and what it measures."""
     from rotorid.cli.console import output_console
 
@@ -173,9 +188,7 @@ def _print_bench(document: BenchDesignDocument, folder: Path) -> None:
         f"plan: {place}, samples: {folder / 'plan.csv'}",
         f"card: {folder / 'bench-card.html'}",
     ]
-    # What simulate moves is the rig of the library.
-    if document.provenance.settings.get("prior") is None:
-        lines.append(f"fly it in simulation: {shlex.join(['rotorid', 'simulate', RIG, '--plan', str(place)])}")
+    lines.append(f"fly it in simulation: {shlex.join(['rotorid', 'simulate', *rig, '--plan', str(place)])}")
     console = output_console()
     for line in lines:
         console.print(line, markup=False, soft_wrap=True, highlight=False)
@@ -248,7 +261,7 @@ def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, p
     """The command that simulates a plan with its vehicle and wind."""
     from rotorid.report.files import VEHICLE_FILE
 
-    changes = [word for name, value in choices.changes.items() for word in ("--set", f"{name}={value:.6g}")]
+    changes = _set_words(choices.changes)
     like = ["--like", choices.own.like] if choices.own is not None else []
     flies = [str(folder / VEHICLE_FILE)] if choices.vehicle_changed else [*vehicle, *like, *changes]
     wind = choices.plan.wind

@@ -142,26 +142,33 @@ def _fly_vehicle(
     of_flights: Sequence[str],
 ) -> None:
     """Fly a vehicle, or run the rig, and write its log."""
-    from rotorid.documents.vehicle import named_vehicle
+    from rotorid.documents.vehicle import named_rig, named_vehicle
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_rig_simulation, write_simulation
 
-    named = named_vehicle(vehicle, like=like, given=flight.get("changes"))
-    default = results_folder() / named.entry.name
-    target = target_folder(output.out, default, result_kind("simulation.json"), force=output.force)
-    if named.entry.name == RIG and named.entry.make is None:
+    kind = result_kind("simulation.json")
+    if like is None and (bench := named_rig(vehicle, given=flight.get("changes"))) is not None:
         sweeps = plan if plan not in (None, _NO_PLAN, EVERYDAY) else None
         _refuse(
-            [option for option in of_flights if option != "--plan" or sweeps is None],
+            [
+                option
+                for option in of_flights
+                if option not in ("--plan", "--set") or (option == "--plan" and not sweeps)
+            ],
             "for the rig, which does not fly",
-            remedy="use only --seed, --out and --plan FILE: it sweeps two motors for 120 s and writes CSV",
+            remedy="use only --seed, --set, --out and --plan FILE: it sweeps two motors for 120 s and writes CSV",
         )
         from rotorid.documents.design import read_plan
 
         swept = None if sweeps is None else read_plan(Path(sweeps))
-        with making(target) as made:
-            document = write_rig_simulation(made.place, seed=flight["seed"], command=command_line(), plan=swept)
+        own = bench if bench.prior is not None or bench.changes else None
+        with making(target_folder(output.out, results_folder() / RIG, kind, force=output.force)) as made:
+            document = write_rig_simulation(
+                made.place, seed=flight["seed"], command=command_line(), plan=swept, settings=own
+            )
     else:
+        named = named_vehicle(vehicle, like=like, given=flight.get("changes"))
+        target = target_folder(output.out, results_folder() / named.entry.name, kind, force=output.force)
         if plan == _NO_PLAN and flight["duration_s"] is None:
             flight["duration_s"] = _HOVER_S
         # Checked before the plan is made, which takes a while.

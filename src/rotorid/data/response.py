@@ -6,7 +6,8 @@ disturbance about any other response follows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -119,6 +120,8 @@ class FrequencyResponse(Immutable):
     sensor_shapes
         What errors of sensors that were corrected leave in the responses, relative to these, one standard deviation
         each and all independent of each other, shape ``(k, y, u, f)``; ``None`` where no sensor was corrected.
+    units
+        Of channels that the log has in another unit than the vocabulary.
 
     Examples
     --------
@@ -152,6 +155,7 @@ class FrequencyResponse(Immutable):
     lean_errors: FloatArray | None = None
     unchecked_errors: FloatArray | None = None
     sensor_shapes: ComplexArray | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         omega = read_only(self.omega_rad_s, np.float64, ndim=1)
@@ -205,6 +209,7 @@ class FrequencyResponse(Immutable):
             windows_s=tuple(self.windows_s),
             findings=Findings(self.findings),
             processing=tuple(self.processing),
+            units=self.units,
         )
 
     def pair(self, output: str, input: str) -> tuple[int, int]:

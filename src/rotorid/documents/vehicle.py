@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, Field
@@ -28,6 +28,7 @@ from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
 from rotorid.flying.vehicle_numbers import MOTION, UNITS
 from rotorid.io import documents
+from rotorid.models.families import RIG as FAMILY_OF_RIGS
 from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
@@ -38,6 +39,10 @@ from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.vehicles.catalog import VEHICLES, VehicleEntry, aircraft, aircraft_names
 from rotorid.vehicles.px4 import with_gains
 
+if TYPE_CHECKING:
+    from rotorid.flying.bench_designs import BenchSettings
+
+RIG = "rig"
 SCHEMA = "rotorid.vehicle/1"
 _NEEDED = "a vehicle file, such as rotorid vehicles x500 --toml prints"
 
@@ -763,6 +768,32 @@ def named_vehicle(
         own=own,
         like=like if like in VEHICLES else None,
     )
+
+
+def named_rig(words: Sequence[str], *, given: Mapping[str, float] | None = None) -> BenchSettings | None:
+    """The rig that words name: that of the library, or one of a result; ``None`` where they name what flies.
+
+    Parameters
+    ----------
+    words, given
+        As for :func:`named_vehicle`.
+    """
+    from rotorid.flying.bench_designs import BenchSettings
+
+    if list(words) == [RIG]:
+        return BenchSettings(changes=given or {})
+    if len(words) != 1 or not _is_result(words[0]):
+        return None
+    from rotorid.documents.result import read_result, read_text
+    from rotorid.documents.results import result_files
+    from rotorid.planning.prior import read_prior
+
+    models = {file: read_result(file, read_text(file)).model for file in result_files(Path(words[0]))}
+    rigs = {file: FAMILY_OF_RIGS.axes[name] for file, name in models.items() if name in FAMILY_OF_RIGS.axes}
+    if len(rigs) < len(models):
+        return None
+    # Of several models the one that says most.
+    return BenchSettings(prior=read_prior(max(rigs, key=lambda file: len(rigs[file]))), changes=given or {})
 
 
 def _is_result(word: str) -> bool:

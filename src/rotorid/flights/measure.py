@@ -17,7 +17,7 @@ import numpy as np
 
 from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, Maneuver, TimeHistory
+from rotorid.data.record import AXES, STANDARD_UNITS, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
@@ -218,10 +218,19 @@ def measure(
     omega = grid_rad_s(band, longest)
     _PROGRESS.info("frequency responses")
     parts = [_measured(item, omega, band, settings) for item in prepared]
-    if len(parts) == 1 and not left:
-        return parts[0]
-    whole = _joined(parts, groups, inputs, outputs)
-    return replace(whole, findings=(*left, *whole.findings))
+    whole = parts[0] if len(parts) == 1 and not left else _joined(parts, groups, inputs, outputs)
+    units = {
+        name: unit
+        for name in (*inputs, *outputs)
+        for unit in {flight.record.unit_of(name) for flight in flights if name in flight.record.channel_names}
+        if unit != STANDARD_UNITS.get(name, "1")
+    }
+    return replace(
+        whole,
+        response=replace(whole.response, units=units),
+        direct=whole.direct and replace(whole.direct, units=units),
+        findings=(*left, *whole.findings),
+    )
 
 
 class _Group(NamedTuple):

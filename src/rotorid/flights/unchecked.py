@@ -10,9 +10,10 @@ for the gyro):
   missing;
 - *slope of thrust*: 1.5 % times that curvature, of all responses to an input alike;
 - *scale of a gyro*: 1 %, the tolerance of its data sheet;
-- *feedback*: :math:`1.3\,\% \sqrt{\max(1, 5/\omega)}`, where commands contain feedback and no instrument is logged.
+- *feedback*: :math:`1.3\,\% \sqrt{\max(1, 5/\omega)}`, where commands contain feedback and no instrument is logged;
+- *delays*: :math:`1 - \cos(\omega \Delta/2)` with 0.05 s between them, where one input drives two motors.
 
-The first two and the last are smooth over frequency, of unknown course
+All but the scale are smooth over frequency, of unknown course
 (:func:`rotorid.fitting.frequency.error_shapes.response_error_shapes`). A log that leaves channels out has wider
 intervals so, and not narrower ones.
 """
@@ -25,6 +26,7 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.data.axes import RATES
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark
 from rotorid.data.response import FrequencyResponse
 from rotorid.flights.consistency import Consistency
@@ -80,6 +82,64 @@ def with_unchecked_errors(
     if not findings:
         return response, ()
     return replace(response, unchecked_errors=np.stack([slope, own])), tuple(findings)
+
+
+USUAL_DELAYS_APART_S = 0.05
+"""Between two motors of the published rig, with 0.20 s in the mean."""
+
+
+def with_equal_delays(
+    response: FrequencyResponse, motors: Sequence[str], *, top_rad_s: float
+) -> tuple[FrequencyResponse, Finding]:
+    r"""A response to one input of two motors, whose delays may differ, and the remark on it.
+
+    Half of the input through each delay is the input through their mean :math:`\tau`, less what the difference
+    :math:`\Delta` takes away,
+
+    .. math:: \tfrac12 (e^{-s\tau_3} + e^{-s\tau_4}) = e^{-s\tau} \cos(\omega \Delta / 2),
+
+    without any phase: a few percent at the end of a band, which no fit tells from a gain.
+
+    Parameters
+    ----------
+    response
+        To one input.
+    motors
+        Those that have no input of their own.
+    top_rad_s
+        Highest trusted frequency, for the remark.
+    """
+    shape = (2, len(response.inputs), response.omega_rad_s.size)
+    errors = np.zeros(shape) if response.unchecked_errors is None else np.array(response.unchecked_errors)
+    errors[1] = np.hypot(errors[1], _lost_by_delays(response.omega_rad_s))
+    return replace(response, unchecked_errors=errors), equal_delays(motors, top_rad_s, widened=True)
+
+
+def _lost_by_delays(omega_rad_s: FloatArray) -> FloatArray:
+    """Share of a response that delays of the usual difference take away."""
+    return np.asarray(1.0 - np.cos(np.minimum(0.5 * omega_rad_s * USUAL_DELAYS_APART_S, 0.5 * np.pi)))
+
+
+def equal_delays(motors: Sequence[str], top_rad_s: float, *, widened: bool) -> Finding:
+    """The remark that motors without an input of their own have the delay of the others.
+
+    Parameters
+    ----------
+    motors
+        Those.
+    top_rad_s
+        Highest frequency of the fit.
+    widened
+        Whether intervals count what a difference takes away.
+    """
+    size = float(_lost_by_delays(np.array([top_rad_s]))[0])
+    message = (
+        f"{listed(list(motors))} {'has no input of its' if len(motors) == 1 else 'have no inputs of their'} own, so "
+        f"one delay stands for both motors. Delays {USUAL_DELAYS_APART_S:g} s apart would take {100.0 * size:.1f} % "
+        f"from the response at {top_rad_s:.3g} rad/s, which {'widens' if widened else 'does not widen'} the "
+        "intervals. To measure each delay, log and sweep both motors."
+    )
+    return remark("error_not_checked", "delays", message, size=size)
 
 
 def _unchecked_tilt(response: FrequencyResponse, name: str, angles: Collection[str]) -> float:

@@ -23,6 +23,7 @@ from rotorid.errors import RotoridError, UsageError
 from rotorid.excitation.plan import sequence
 from rotorid.models.input_units import identified_unit
 from rotorid.models.library import library_model
+from rotorid.models.parameter import no_such
 from rotorid.models.state_space import StateSpace
 from rotorid.planning.prior import Prior
 from rotorid.simulation.hover_flight import STEP_RATE_HZ
@@ -56,6 +57,8 @@ class BenchSettings(Immutable):
         By axis, in the unit of the motors, for those that are not to be searched for.
     prior
         Result of ``rig.roll`` or ``rig.attitude`` whose values replace those of the library.
+    changes
+        Numbers of the rig that are known otherwise, by the names of ``rig.attitude``.
     seed
         Of what is random in the sweeps, and of the noise.
     """
@@ -66,10 +69,19 @@ class BenchSettings(Immutable):
     limit_rad: float = USUAL_LIMIT_RAD
     amplitudes: Mapping[str, float] = field(default_factory=dict)
     prior: Prior | None = None
+    changes: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes)
+        self._set(axes=tuple(self.axes), amplitudes=self.amplitudes, changes=self.changes)
+        if unknown := [name for name in self.changes if name not in rig.ATTITUDE]:
+            raise no_such("number of a rig", unknown[0], tuple(rig.ATTITUDE))
+        if wrong := [name for name, value in self.changes.items() if not _possible(name, value)]:
+            raise UsageError(
+                f"{wrong[0]} is {self.changes[wrong[0]]:g}",
+                needed="more than 0; delays 0 to 1 s",
+                remedy="correct --set",
+            )
         if wrong := [axis for axis in self.axes if axis not in PAIRS]:
             raise UsageError(
                 f"{wrong[0]} has no pair of motors of its own on a rig",
@@ -106,6 +118,11 @@ class BenchSettings(Immutable):
 
     @property
     def system_values(self) -> Mapping[str, float]:
+        """All numbers of ``rig.attitude``."""
+        return {**self._known, **self.changes}
+
+    @property
+    def _known(self) -> Mapping[str, float]:
         if self.prior is None:
             return rig.ATTITUDE
         known = self.prior.values
@@ -120,6 +137,10 @@ class BenchSettings(Immutable):
         alike = {"J_y": known["J_x"], "K_t": rig.ATTITUDE["K_t"] * slower}
         delays = {f"tau_{n}": known[f"tau_{n + 2}"] for n in (1, 2) if f"tau_{n + 2}" in known}
         return {**rig.ATTITUDE, **alike, **delays, **known}
+
+
+def _possible(name: str, value: float) -> bool:
+    return 0.0 <= value <= 1.0 if name.startswith("tau_") else 0.0 < value < math.inf
 
 
 def _gain(values: Mapping[str, float]) -> float:
@@ -237,6 +258,11 @@ def _pair(settings: BenchSettings, axis: Axis, size: float) -> tuple[PlannedInpu
     return tuple(pair)
 
 
+def usual_sweep(settings: BenchSettings) -> FlightPlan:
+    """Sweeps of both motors of roll as large for a rig as those of the library's rig are for that one."""
+    return _plan(settings, {"roll": rig.SWEEP_V * settings.stiffness})
+
+
 def flown_on_rig(
     plan: FlightPlan, seed: int, *, settings: BenchSettings | None = None, noise: float = _NOISE
 ) -> FlightRecord:
@@ -260,7 +286,7 @@ def flown_on_rig(
         raise UsageError(
             f"the plan {plan.name} drives {wrong.signal} in {wrong.unit}",
             needed=f"single motors in {chosen.unit}, as of rotorid design sweep --vehicle rig",
-            remedy="give such a plan, or another vehicle",
+            remedy="simulate the result that the plan was made for, in place of the rig, or another vehicle",
         )
     time_s = np.arange(round(plan.duration_s * STEP_RATE_HZ)) / STEP_RATE_HZ
     inputs = np.zeros((len(rig.MOTORS), time_s.size))

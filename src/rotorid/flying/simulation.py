@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from rotorid.io.files import sha256_of
 from rotorid.io.formats import WRITERS
 from rotorid.io.registry import write_log
 from rotorid.io.tables.csv import write_csv
+from rotorid.models.input_units import in_logged_units
 from rotorid.models.library import library_model
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.results.provenance import LoggedManeuver, Provenance
@@ -43,6 +44,9 @@ from rotorid.vehicles import rig
 from rotorid.vehicles.catalog import VEHICLES, Vehicle, VehicleEntry
 from rotorid.verification.flight import outside, percents
 from rotorid.verification.multistep import to_body
+
+if TYPE_CHECKING:
+    from rotorid.flying.bench_designs import BenchSettings
 
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
@@ -383,14 +387,21 @@ SWEPT = ("motor_3", "motor_4")
 LOG_NAME = "flight.csv"
 
 
-def move_rig(seed: int, plan: FlightPlan | None = None) -> FlightRecord:
-    """A record of the rig that flies a plan; without one, of 120 s in which the motors of roll are swept."""
-    require_seed(seed)
-    if plan is not None:
-        from rotorid.flying.bench_designs import flown_on_rig
+def move_rig(seed: int, plan: FlightPlan | None = None, *, settings: BenchSettings | None = None) -> FlightRecord:
+    """A record of a rig that flies a plan; without one, of 120 s in which the motors of roll are swept.
 
-        return flown_on_rig(plan, seed)
-    return rig.fly(SWEPT, np.random.default_rng(seed))
+    Parameters
+    ----------
+    settings
+        Whose rig; that of the library without any.
+    """
+    require_seed(seed)
+    if plan is None and settings is None:
+        return rig.fly(SWEPT, np.random.default_rng(seed))
+    from rotorid.flying.bench_designs import BenchSettings, flown_on_rig, usual_sweep
+
+    chosen = settings or BenchSettings()
+    return flown_on_rig(plan or usual_sweep(chosen), seed, settings=chosen)
 
 
 def write_rig(path: Path, record: FlightRecord) -> None:
@@ -401,15 +412,34 @@ def write_rig(path: Path, record: FlightRecord) -> None:
 
 
 def rig_simulation(
-    record: FlightRecord, path: Path, *, seed: int, command: Sequence[str] = (), plan: FlightPlan | None = None
+    record: FlightRecord,
+    path: Path,
+    *,
+    seed: int,
+    command: Sequence[str] = (),
+    plan: FlightPlan | None = None,
+    settings: BenchSettings | None = None,
 ) -> Simulation:
-    """The rig, its true values, and where the log is."""
+    """A rig, its true values, and where the log is."""
     topic, known = record.topics[0], VEHICLES[RIG]
     whole = {maneuver.axis for maneuver in record.declared} == {"roll"}
-    truth = rig.TRUTH if whole else rig.ATTITUDE
+    structure = library_model("rig.roll" if whole else "rig.attitude")
+    truth: Mapping[str, float] = rig.ATTITUDE
+    description, source = known.summary, known.source
+    if settings is not None:
+        structure, truth = in_logged_units(structure, [record]), settings.system_values
+        if settings.prior is not None:
+            source = settings.prior.source
+            description = f"identified: {settings.prior.structure.name}; the rest is that of the rig"
     swept = list(dict.fromkeys(part.motor for part in plan.inputs)) if plan is not None else list(SWEPT)
     return Simulation(
-        vehicle=FlownVehicle(name=RIG, description=known.summary, source=known.source, autopilot="simple"),
+        vehicle=FlownVehicle(
+            name=RIG,
+            description=description,
+            source=source,
+            autopilot="simple",
+            changed={} if settings is None else settings.changes,
+        ),
         logs=(
             SimulatedLog(
                 file=path.name,
@@ -422,7 +452,7 @@ def rig_simulation(
         maneuvers=tuple(LoggedManeuver(record=path.name, **asdict(maneuver)) for maneuver in record.declared),
         truth={
             parameter.name: TrueValue(value=truth[parameter.name], unit=parameter.unit)
-            for parameter in library_model("rig.roll" if whole else "rig.attitude").parameters
+            for parameter in structure.parameters
             if parameter.name in truth
         },
         provenance=Provenance(command=tuple(command), settings={"swept": swept}, seed=seed),

@@ -334,7 +334,7 @@ def cross_validated(
     )
     # A model that was judged on unseen records is verified; why another log failed to verify it stays of interest.
     names = [record.record for record in identified.data.segments]
-    answered = (nothing_unseen(names), nothing_left())
+    answered = (nothing_unseen(names), nothing_left(structure))
     kept = [finding for finding in identified.findings if finding not in answered]
     own = [finding for finding in worst_first(crossed.findings) if finding not in identified.findings]
     return replace(identified, cross_validation=crossed.summary, findings=(*kept, *own))

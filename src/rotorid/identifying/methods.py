@@ -59,9 +59,11 @@ from rotorid.flights.segments import TimeRecords, source_of, time_records
 from rotorid.flights.selection import Selection, select_records
 from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
 from rotorid.flights.supports import supporting_logs
+from rotorid.flights.unchecked import equal_delays, with_equal_delays
 from rotorid.identifying.delay_budget import delay_budget
 from rotorid.identifying.scope import require_common_axes, scoped, trimmed, trimmed_in_wind, with_channels_of
 from rotorid.models.families import family_of, is_rate_model, order_is_open
+from rotorid.models.input_units import absent_motors
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -90,6 +92,9 @@ from rotorid.signal.sensor_correction import SensorCorrection
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination, unseen_combinations
 from rotorid.uncertainty.propagation import Pole, pole_confidence
+
+_SWEPT_TO_RAD_S = 10.0
+"""By most excitations whose band nothing says."""
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -332,6 +337,10 @@ class Frequency(_Linear[ResponseData]):
         measured = measure(flights, inputs=structure.inputs, outputs=structure.outputs, settings=settings)
         if not settings.correct_filters:
             findings += given_filters_kept(flights, measured.segments, structure.outputs)
+        if absent := absent_motors(structure):
+            response, alike = with_equal_delays(measured.response, absent, top_rad_s=measured.trusted_rad_s[1])
+            measured = replace(measured, response=response)
+            findings += (alike,)
         if sensors is not None:
             response = with_sensor_errors(measured.response, sensors.correction, flights, settings)
             measured = replace(measured, response=response)
@@ -500,6 +509,9 @@ class InTime(_Linear[TimeDomainData]):
             searches=self.kind == "prediction_error",
         )
         data = time_records(structure, selection.fitted, settings)
+        if absent := absent_motors(structure):
+            tops = [flight.maneuver.band_rad_s[1] for flight in selection.fitted if flight.maneuver.band_rad_s]
+            findings += (equal_delays(absent, max(tops, default=_SWEPT_TO_RAD_S), widened=False),)
         of_vehicles = all(is_command(name) for name in structure.inputs)
         # No response to a set-point is about the lag of motors.
         remarks = [finding for finding in data.findings if of_vehicles or "needed_hz" not in finding.numbers]

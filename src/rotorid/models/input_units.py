@@ -13,6 +13,7 @@ from dataclasses import replace
 from rotorid.data.record import FlightRecord, units_of
 from rotorid.errors import UsageError
 from rotorid.models.families import family_of
+from rotorid.models.library import library_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
 
@@ -124,6 +125,20 @@ def require_same_unit(structure: LinearStructure, record: FlightRecord) -> None:
             needed=f"a log with motors in {own}",
             remedy="correct `unit` in the mapping, or identify the model from logs in one unit",
         )
+
+
+def absent_motors(structure: LinearStructure) -> tuple[str, ...]:
+    """Motors of a model of one axis on a pivot that a structure leaves out: another input drives them too, or none.
+
+    Examples
+    --------
+    >>> absent_motors(library_model("rig.roll").select(inputs=("motor_3",)))
+    ('motor_4',)
+    """
+    family = family_of(structure)
+    if len(family.axes.get(structure.name, ())) != 1 or family.needs != "single motors":
+        return ()
+    return tuple(name for name in library_model(structure.name).inputs if name not in structure.inputs)
 
 
 def identified_unit(structure: LinearStructure) -> str:

@@ -31,6 +31,8 @@ class Prior(Immutable):
         Relative model error that it states of each response ``output/input``.
     std_model
         Standard deviation of model error that it states of each parameter.
+    place
+        Path by which it was read; empty where it was not.
     """
 
     structure: LinearStructure
@@ -38,6 +40,7 @@ class Prior(Immutable):
     source: str
     model_error: Mapping[str, float] = field(default_factory=dict)
     std_model: Mapping[str, float] = field(default_factory=dict)
+    place: str = ""
 
     def __post_init__(self) -> None:
         self._set(values=self.values, model_error=self.model_error, std_model=self.std_model)
@@ -63,7 +66,7 @@ def read_prior(path: Path) -> Prior:
         raise UsageError(f"{file} is not a result of an identification", needed="a result.json") from error
     structure = from_toml(text, where=str(file.with_name("model.toml")))
     # The folder's name, without its path, distinguishes results.
-    return Prior(structure=structure, source="/".join(file.resolve().parts[-2:]), **known)
+    return Prior(structure=structure, source="/".join(file.resolve().parts[-2:]), place=str(path), **known)
 
 
 def _known(content: str) -> dict[str, dict[str, float]]:

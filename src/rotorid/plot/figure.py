@@ -461,8 +461,10 @@ def quantity(name: str) -> Quantity:
     return Quantity(words=_words(name), unit=paper, factor=factor)
 
 
-def magnitude_label(output: str, input: str, *, in_db: bool) -> str:
+def magnitude_label(output: str, input: str, *, in_db: bool, units: Mapping[str, str] | None = None) -> str:
     """What the magnitude axis of a response ``output/input`` shows, in decibels or in SI units.
+
+    ``units`` are those of channels that the log has in another one than the vocabulary.
 
     Examples
     --------
@@ -470,10 +472,18 @@ def magnitude_label(output: str, input: str, *, in_db: bool) -> str:
     'Magnitude of roll rate p over roll command [dB]'
     >>> magnitude_label("u", "theta", in_db=False)
     'Magnitude of forward speed u over pitch angle theta [(m/s)/rad]'
+    >>> magnitude_label("phi", "motor_3", in_db=False, units={"motor_3": "V"})
+    'Magnitude of roll angle phi over motor 3 [rad/V]'
     """
-    above, below = STANDARD_UNITS.get(output, ""), STANDARD_UNITS.get(input, "")
+    known = {**STANDARD_UNITS, **(units or {})}
+    above, below = known.get(output, ""), known.get(input, "")
     # A factor between equal or unknown units carries none.
-    plain = "" if not above or not below or above == below else above if below == "1" else f"({above})/{below}"
+    if above == below or "" in (above, below):
+        plain = ""
+    elif below == "1":
+        plain = above
+    else:
+        plain = f"{f'({above})' if '/' in above else above}/{f'({below})' if '/' in below else below}"
     unit = "dB" if in_db else plain
     words = f"Magnitude of {quantity(output).words} over {quantity(input).words}"
     return f"{words} [{unit}]" if unit else words

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -139,7 +139,13 @@ def bode(
     name = f"{beside.estimate} estimate" if beside else ""
     panels = (
         _magnitude_panel(
-            view, measured, used, exact, other, name, label=magnitude_label(output, input, in_db=magnitude == "dB")
+            view,
+            measured,
+            used,
+            exact,
+            other,
+            name,
+            label=magnitude_label(output, input, in_db=magnitude == "dB", units=response.units),
         ),
         _phase_panel(view, measured, used, None if exact is None else lean_deg, other, name),
         coherence_panel(_points(view, measured.omega_rad_s, coherence, used, "", legend=False), least),
@@ -316,6 +322,8 @@ class Named:
         Shape ``(f,)``.
     measured
         Whether it is drawn as points; a model is a line.
+    units
+        Of channels that the log has in another unit than the vocabulary.
 
     Raises
     ------
@@ -329,6 +337,7 @@ class Named:
     random_error: FloatArray | None = None
     coherence: FloatArray | None = None
     measured: bool = True
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         arrays = {"values": self.values, "random_error": self.random_error, "coherence": self.coherence}
@@ -349,6 +358,7 @@ class Named:
             values=response.values[row],
             random_error=response.random_error[row],
             coherence=response.coherence[row],
+            units=response.units,
         )
 
 
@@ -400,6 +410,7 @@ def overlay(
         )
     papers = _on_one_branch([_paper(named, least_coherence) for named in curves])
     inked = [_ink(view, *both, number, least_coherence) for number, both in enumerate(zip(curves, papers, strict=True))]
+    units = {channel: unit for one in curves for channel, unit in one.units.items()}
     # All bands first: none of them may lie over the points of another curve.
     level, turn, trust = (
         sorted((trace for parts in inked for trace in parts[part]), key=lambda trace: "fill" not in trace)
@@ -407,7 +418,7 @@ def overlay(
     )
     panels = [
         Panel(
-            label=magnitude_label(output, input, in_db=magnitude == "dB"),
+            label=magnitude_label(output, input, in_db=magnitude == "dB", units=units),
             traces=level,
             height_px=250,
             axis=magnitude_axis(view, level),

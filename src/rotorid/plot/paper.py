@@ -159,7 +159,7 @@ def bode_figure(
         used=used,
         least_coherence=least,
     )
-    words, _, unit = magnitude_label(output, input, in_db=magnitude == "dB").partition(" [")
+    words, _, unit = magnitude_label(output, input, in_db=magnitude == "dB", units=response.units).partition(" [")
     with mpl.rc_context(PAPER_STYLE):
         # The object instead of pyplot: no global state, no window system.
         canvas: Canvas = mpl.figure.Figure(figsize=(_PAPER_WIDTH_IN, _PAPER_HEIGHT_IN), layout="constrained")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rotorid.data.flight_plan import FlightPlan
     from rotorid.documents.bench import BenchDesignDocument
     from rotorid.documents.design import DesignDocument, SimulationDocument
-    from rotorid.flying.bench_designs import BenchDesign
+    from rotorid.flying.bench_designs import BenchDesign, BenchSettings
     from rotorid.flying.designs import Designed
     from rotorid.flying.flown_models import FlownModel
     from rotorid.flying.settings import DesignSettings, SimulateSettings
@@ -525,17 +525,23 @@ def write_bench_design(folder: Path, design: BenchDesign, *, command: Sequence[s
 
 
 def write_rig_simulation(
-    folder: Path, *, seed: int, command: Sequence[str], plan: FlightPlan | None = None
+    folder: Path,
+    *,
+    seed: int,
+    command: Sequence[str],
+    plan: FlightPlan | None = None,
+    settings: BenchSettings | None = None,
 ) -> SimulationDocument:
     """Move the rig on its pivot, and write its log and ``simulation.json`` into a folder."""
     from rotorid.documents.design import simulation_document
     from rotorid.flying.simulation import LOG_NAME, move_rig, rig_simulation, write_rig
 
-    record = move_rig(seed, plan)
+    record = move_rig(seed, plan, settings=settings)
     documents: list[SimulationDocument] = []
 
     def conclude(path: Path) -> None:
-        moved = rig_simulation(record, path.with_name(LOG_NAME), seed=seed, command=command, plan=plan)
+        place = path.with_name(LOG_NAME)
+        moved = rig_simulation(record, place, seed=seed, command=command, plan=plan, settings=settings)
         documents.append(simulation_document(moved))
         write_atomically(path, to_json(documents[0]))
 

@@ -11,7 +11,7 @@ import pytest
 
 import rotorid
 from rotorid.cli.app import app
-from rotorid.errors import UsageError
+from rotorid.errors import RotoridError, UsageError
 from rotorid.flying.bench_designs import BenchSettings, design_bench, flown_on_rig
 from rotorid.models.input_units import in_logged_units
 from rotorid.models.library import library_model
@@ -93,7 +93,7 @@ def test_the_command_writes_plan_card_and_a_flight_of_it(tmp_path: Path, capsys:
     words = ("--limit", "tilt=6", "--duration", "40", "--band", "0.5:12", "--out", str(plan))
     run("design", "sweep", "--vehicle", "rig", *words)
     said = capsys.readouterr().out
-    assert "Predicted angle: ± " in said
+    assert "Predicted angle: up to " in said
     document = json.loads((plan / "design.json").read_text(encoding="utf-8"))
     assert document["schema"] == "rotorid.design-bench/1"
     assert document["reached_rad"] < document["limit_rad"] == pytest.approx(LIMIT_RAD)
@@ -109,3 +109,29 @@ def test_the_command_writes_plan_card_and_a_flight_of_it(tmp_path: Path, capsys:
     assert flown.stop_s == pytest.approx(48.0, abs=0.1)
     with pytest.raises(UsageError, match="--doublets cannot be used for a rig"):
         run("design", "sweep", "--vehicle", "rig", "--doublets", "--out", str(plan))
+
+
+def test_a_plan_for_a_rig_of_ones_own_is_flown_by_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, result, plan = tmp_path / "log", tmp_path / "result", tmp_path / "plan"
+    run("simulate", "rig", "--set", "K_f=0.2", "--set", "tau_4=0.12", "--out", str(log))
+    run(
+        *("identify", str(log / "flight.csv"), "--model", "rig.roll", "--outputs", "phi", "--fix", "J_x=0.047"),
+        "--out",
+        str(result),
+    )
+    words = ("--duration", "40", "--band", "0.5:12", "--out", str(plan))
+    run("design", "sweep", "--vehicle", "rig", "--prior", str(result), *words)
+    assert f"rotorid simulate {result} --plan {plan / 'plan.json'}" in capsys.readouterr().out
+    run("simulate", str(result), "--plan", str(plan / "plan.json"), "--out", str(tmp_path / "flown"))
+    flown = json.loads((tmp_path / "flown" / "simulation.json").read_text(encoding="utf-8"))
+    known = json.loads((result / "result.json").read_text(encoding="utf-8"))["parameters"]
+    assert flown["truth"]["K_f"] == {"value": known["K_f"]["value"], "unit": "N/V"}
+    assert flown["truth"]["K_f"]["value"] == pytest.approx(0.2, rel=0.03)
+    assert flown["truth"]["tau_4"]["value"] == pytest.approx(0.12, abs=0.03)
+    assert flown["vehicle"]["description"].startswith("identified: rig.roll")
+
+
+@pytest.mark.parametrize(("given", "said"), [("Kf=1", "did you mean K_f"), ("K_f=-1", "K_f is -1; expected more than")])
+def test_numbers_that_no_rig_has_are_refused(given: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(RotoridError, match=said):
+        run("simulate", "rig", "--set", given, "--out", str(tmp_path / "rig"))
