@@ -27,7 +27,6 @@ AXES = ("roll", "pitch", "yaw", "thrust")
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Thrust is swept gently: it goes with the square of the speed, and a large sweep moves its own mean."""
     craft = aircraft("hummingbird")
     choices = PlanSettings(
         shape="logarithmic_sweep", axes=AXES, amplitudes={"thrust": 0.06}, band_rad_s=(0.6, 50.0), duration_s=60.0
@@ -56,16 +55,8 @@ def model(log: Path) -> IdentifiedModel:
     return identified(log)
 
 
-# Found with -0.129 ± 0.0045 for -0.115. The damping of roll and pitch, from which it comes, trades against the lag of
-# the motors that all axes share (25.0 ± 0.6 ms for 23.7), while the delays of roll and pitch, half a millisecond in
-# truth, stand at zero. Pitch alone with a lag of its own has its damping within one deviation.
-DAMPING = pytest.mark.xfail(raises=AssertionError, strict=True, reason="damping trades against the shared motor lag")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["I_xx", "I_yy", "I_zz", "c_T", "c_H", "c_P", "J_r", "z", pytest.param("dc_T_dJ", marks=DAMPING)]
-)
+@pytest.mark.parametrize("name", ["I_xx", "I_yy", "I_zz", "c_T", "c_H", "c_P", "J_r", "z", "dc_T_dJ"])
 def test_physics_of_the_hummingbird_lie_within_their_intervals(model: IdentifiedModel, name: str) -> None:
     one = model.parameters[name]
     assert one.lower is not None

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.record import AXES, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
@@ -15,6 +16,7 @@ from rotorid.typing import FloatArray
 HOVER_M_S = 0.5
 """Below this speed a trim is a hover, and the speed is zero: gusts and the estimator alone make as much."""
 
+_LEAST_SAMPLES = 10
 _QUIET_S = 3.0
 _LEAST_QUIET = 5
 
@@ -55,6 +57,35 @@ def covered_by(flights: Sequence[Flight]) -> dict[str, Range]:
                     samples.append((found.values, found.unit, name))
                     break
     return _ranges(samples)
+
+
+def thrust_spread(flights: Sequence[Flight], lag_s: float) -> float:
+    """Standard deviation of the thrust command in maneuvers of thrust, behind the lag of the motors.
+
+    Zero where nothing of thrust was flown, and where the autopilot asks for thrust instead of outputs, so that thrust
+    goes in proportion to the command.
+
+    Parameters
+    ----------
+    flights
+        Records and maneuvers.
+    lag_s
+        Time constant of the motors.
+    """
+    from scipy.signal import lfilter
+
+    power, count = 0.0, 0
+    for flight in flights:
+        if flight.axis != "thrust" or autopilot_of(flight.record).log.straightened:
+            continue
+        samples = next(flight.samples("thrust_command"), None)
+        if samples is None or samples.values.size < _LEAST_SAMPLES:
+            continue
+        share = 1.0 / (1.0 + lag_s / float(np.mean(np.diff(samples.time_s))))
+        moved = lfilter([share], [1.0, share - 1.0], samples.values - samples.values.mean())
+        power += float(np.sum(np.square(moved)))
+        count += moved.size
+    return float(np.sqrt(power / count)) if count else 0.0
 
 
 def _in(names: Sequence[str]) -> list[str]:

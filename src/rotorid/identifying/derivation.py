@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from rotorid.data.findings import Finding
 from rotorid.data.quantity import TWO_SIDED_95
+from rotorid.flights.coverage import thrust_spread
+from rotorid.flights.flights import Flight
 from rotorid.models.derived import KNOWN_UNITS, RELATIONS, DerivedQuantities, derived_quantities, thrust_coefficient
+from rotorid.models.library import MOTOR_LAG
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.physical import check_signs
 from rotorid.results.summary import Correlation, DerivedQuantity, DerivedSummary, KnownQuantity, Range, ThrustPoint
@@ -30,6 +33,7 @@ def derivation(
     *,
     known: Mapping[str, tuple[float, float]],
     covered: Mapping[str, Range],
+    flights: Sequence[Flight] = (),
 ) -> DerivedSummary | None:
     """Quantities behind identified parameters.
 
@@ -41,6 +45,8 @@ def derivation(
         Value and standard deviation of what is known beside them.
     covered
         What was flown; of ``w`` follows which advance ratios the rotors saw.
+    flights
+        That were fitted; of their sweeps of thrust follows the mean speed of the rotors.
 
     Returns
     -------
@@ -54,7 +60,8 @@ def derivation(
     rows = [place for place, parameter in enumerate(parameters) if parameter.status != "dropped"]
     kept = [name for place, name in enumerate(parameters.names) if place in rows]
     covariance = covariance_of_all(parameters, bounds)[np.ix_(rows, rows)]
-    found = derived_quantities({name: values[name] for name in kept}, covariance, known)
+    spread = thrust_spread(flights, values.get(MOTOR_LAG, 0.0))
+    found = derived_quantities({name: values[name] for name in kept}, covariance, known, thrust_spread=spread)
     std, identified = found.std, np.sqrt(np.diag(found.of_identified))
     by_name = {relation.name: relation for relation in RELATIONS}
     return DerivedSummary(

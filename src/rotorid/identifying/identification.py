@@ -113,7 +113,13 @@ def identify_by(
     report = method.describe(data, fitted)
     parameters = parameter_estimates(fitted.listed, fitted.bounds)
     _require_numbers(fitted.structure.name, parameters)
-    derived = derivation(fitted.listed, fitted.bounds, known=_known(method.settings), covered=report.covered)
+    derived = derivation(
+        fitted.listed,
+        fitted.bounds,
+        known=_known(method.settings),
+        covered=report.covered,
+        flights=getattr(data, "flights", ()),
+    )
     return IdentifiedModel(
         structure=fitted.structure,
         parameters=parameters,

@@ -61,7 +61,14 @@ from rotorid.flights.sensors import corrected_record, sensor_correction, with_se
 from rotorid.flights.supports import supporting_logs
 from rotorid.flights.unchecked import equal_delays, with_equal_delays
 from rotorid.identifying.delay_budget import delay_budget
-from rotorid.identifying.scope import require_common_axes, scoped, trimmed, trimmed_in_wind, with_channels_of
+from rotorid.identifying.scope import (
+    require_common_axes,
+    scoped,
+    trimmed,
+    trimmed_in_wind,
+    with_channels_of,
+    with_spread,
+)
 from rotorid.models.families import family_of, is_rate_model, order_is_open
 from rotorid.models.input_units import absent_motors
 from rotorid.models.nonlinear import NonlinearStructure
@@ -267,7 +274,7 @@ def choose(
     selection, remarks = select_records(model, records, settings, in_time=in_time)
     own = settings if settings.outputs or not outputs else replace(settings, outputs=outputs)
     scope = scoped(model, selection, records, own, joined=not in_time)
-    leaning = (scope.structure, selection.fitted, settings)
+    leaning = (with_spread(scope.structure, selection.fitted, settings), selection.fitted, settings)
     at_trim = best_trim([trimmed(*leaning), *trimmed_in_wind(*leaning)], settings)
     return StructureAndLogs(
         at_trim.structure,

@@ -17,14 +17,16 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fits.frequency.trim_choice import Trim
-from rotorid.flights.coverage import HOVER_M_S
+from rotorid.flights.coverage import HOVER_M_S, thrust_spread
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.segments import holds, require_channels
 from rotorid.flights.selection import Selection
 from rotorid.flights.steady_wind import LEAST_LEAN_RAD, in_wind_of, mean_of
+from rotorid.models.derived import SPREAD
 from rotorid.models.expression import Expression
 from rotorid.models.families import known_names
+from rotorid.models.library import MOTOR_LAG
 from rotorid.models.steady_wind import HEAVE_SHARE, HEAVE_SHARES, STEADY_DRAG, lean_of
 from rotorid.models.structure import LinearStructure, connected
 from rotorid.settings.identifying import IdentifySettings
@@ -407,6 +409,20 @@ def trimmed(structure: LinearStructure, flights: Sequence[Flight], settings: Ide
         findings += _several(flights)
     at_trim = structure.with_constants(constants)
     return Trimmed(structure=at_trim, flights=tuple(flights), findings=tuple(findings))
+
+
+def with_spread(structure: LinearStructure, flights: Sequence[Flight], settings: IdentifySettings) -> LinearStructure:
+    """A structure that knows the size of the sweeps of thrust; unchanged where it has no such constant.
+
+    Parameters
+    ----------
+    structure, flights, settings
+        As for :func:`trimmed`; a constant that was given counts.
+    """
+    if SPREAD not in structure.constants or SPREAD in settings.constants:
+        return structure
+    lag_s = settings.fix.get(MOTOR_LAG, structure.parameters.values.get(MOTOR_LAG, 0.0))
+    return structure.with_constants({SPREAD: thrust_spread(flights, lag_s)})
 
 
 def trimmed_in_wind(

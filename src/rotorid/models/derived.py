@@ -7,8 +7,10 @@ of one, as in yaw and heave of every layout:
 
 .. math::
 
-    n_h &= -2 g k_n / Z_{thrust}, & c_T &= \frac{m g}{4 \rho n_h^2 D^4}, &
-    \frac{dc_T}{dJ} &= \frac{m Z_w}{4 \rho n_h D^3}, & c_H &= -\frac{m X_u}{4 \rho n_h D^3}
+    n_m &= a + \sqrt{a^2 - (k_n \sigma)^2}, \quad a = -g k_n / Z_{thrust}, & n_h^2 &= n_m^2 + (k_n \sigma)^2, &
+    c_T &= \frac{m g}{4 \rho n_h^2 D^4}
+
+    \frac{dc_T}{dJ} &= \frac{m Z_w}{4 \rho n_m D^3}, & c_H &= -\frac{m X_u}{4 \rho n_h D^3}
 
     c_P &= \frac{\pi I_{zz} N_{yaw}}{4 k_n \rho n_h D^5}, & \kappa &= \frac{I_{zz} N_{yaw} n_h}{2 k_n m g}, &
     J_r &= \frac{I_{zz} N_{spin}}{8 \pi k_n}, & z &= -\frac{M_u I_{yy}}{X_u m}
@@ -20,6 +22,9 @@ and the yaw of Niermeyer, Raffler and Holzapfel in its own parameters (eq 19), f
 
     M_{mot,\omega} = -1/T_{motor}, \qquad M_{mot,\delta} = 2 \pi k_n / T_{motor}, \qquad
     N_\omega = -\frac{N_{spin}}{k_{\omega\delta} T_{motor}}
+
+In a sweep of thrust the mean square of the speeds carries the weight, and the slope of a square is that at the mean
+speed :math:`n_m`; :math:`\sigma` is the deviation of the command in it, behind the lag of the motors.
 
 Uncertainty is carried over by the exact slopes, that of identified derivatives with their covariance and that of known
 quantities as independent of them and of each other. Assumed: hover without wind and no force but that of the rotors;
@@ -51,7 +56,12 @@ KNOWN_UNITS: Mapping[str, str] = {**PHYSICAL_UNITS, "k_omega_delta": "rad/s"}
 """What may be given as known, with its unit: the physical parameters of hover, and the gain of a motor controller, the
 speed in rad/s that a command of one asks for."""
 
-_CONSTANTS = {"g": STANDARD_GRAVITY_M_S2, "pi": math.pi}
+SPREAD = "thrust_spread"
+"""The deviation of the thrust command in sweeps of thrust, as relations and structures call it."""
+
+_MEAN = "n_m"
+
+_CONSTANTS = {"g": STANDARD_GRAVITY_M_S2, "pi": math.pi, SPREAD: 0.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +100,23 @@ def _read(text: str) -> Expression:
 
 
 RELATIONS: tuple[Relation, ...] = (
+    Relation(
+        name=_MEAN,
+        unit="1/s",
+        text="sqrt((g*k_n/Z_thrust)**2 - (k_n*thrust_spread)**2) - g*k_n/Z_thrust",
+        words="mean speed of the rotors in the sweep of thrust",
+    ),
+    Relation(
+        name="n_h",
+        unit="1/s",
+        text="sqrt(n_m**2 + (k_n*thrust_spread)**2)",
+        words="speed of the rotors in hover",
+    ),
+    # Of sweeps that are larger than such rotors can fly.
     Relation(name="n_h", unit="1/s", text="-2*g*k_n/Z_thrust", words="speed of the rotors in hover"),
+    Relation(name=_MEAN, unit="1/s", text="n_h", words="mean speed of the rotors in the sweep of thrust"),
     Relation(name="c_T", unit="1", text="m*g/(4*rho*n_h**2*D**4)", words="thrust coefficient in hover"),
-    Relation(name="dc_T_dJ", unit="1", text="m*Z_w/(4*rho*n_h*D**3)", words="its slope over the advance ratio"),
+    Relation(name="dc_T_dJ", unit="1", text="m*Z_w/(4*rho*n_m*D**3)", words="its slope over the advance ratio"),
     Relation(name="c_H", unit="1", text="-m*X_u/(4*rho*n_h*D**3)", words="side-force coefficient"),
     Relation(name="c_H", unit="1", text="-m*Y_v/(4*rho*n_h*D**3)", words="side-force coefficient"),
     Relation(name="z", unit="m", text="-M_u*I_yy/(X_u*m)", words="height of the side force over the center of mass"),
@@ -208,6 +232,8 @@ def derived_quantities(
     parameters: Mapping[str, float],
     covariance: FloatArray,
     known: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    thrust_spread: float = 0.0,
 ) -> DerivedQuantities:
     r"""Quantities that follow from parameters, with their covariance.
 
@@ -221,6 +247,9 @@ def derived_quantities(
         Of them in that order, shape ``(p, p)``; rows of held ones are zero.
     known
         Value and standard deviation by name, in the units of :data:`KNOWN_UNITS`.
+    thrust_spread
+        Deviation of the thrust command in sweeps of thrust, behind the lag of the motors; without one ``n_m`` is
+        ``n_h`` and not listed.
 
     Examples
     --------
@@ -231,7 +260,8 @@ def derived_quantities(
     6.37e-06 +- 3.7e-07 kg m^2
     """
     given = dict(known or {})
-    numbers = {**_CONSTANTS, **dict(parameters), **{name: value for name, (value, _) in given.items()}}
+    values = {name: value for name, (value, _) in given.items()}
+    numbers = {**_CONSTANTS, SPREAD: thrust_spread, **dict(parameters), **values}
     basis = [*parameters, *given]
     slopes: dict[str, FloatArray] = dict(zip(basis, np.eye(len(basis)), strict=True))
     found: dict[str, float] = {}
@@ -250,6 +280,10 @@ def derived_quantities(
             np.zeros(len(basis)),
         )
         numbers[relation.name] = found[relation.name]
+    missing = _missing({*parameters, *found}, numbers)
+    if not thrust_spread:
+        found.pop(_MEAN, None)
+        missing.pop(_MEAN, None)
     rows = np.array([slopes[name] for name in found]).reshape(len(found), len(basis))
     identified, others = rows[:, : len(parameters)], rows[:, len(parameters) :]
     part = identified @ np.asarray(covariance, dtype=np.float64) @ identified.T
@@ -258,7 +292,7 @@ def derived_quantities(
         values=found,
         covariance=part + (others * variances) @ others.T,
         of_identified=part,
-        missing=_missing({*parameters, *found}, numbers),
+        missing=missing,
     )
 
 

@@ -3,18 +3,17 @@ r"""The model ``physical.hover`` for rotors of any layout: its derivatives as su
 Rotor :math:`i` stands at :math:`l (\xi_i, \eta_i)`, a share of the arm :math:`l` forward and right, in one plane at the
 height :math:`z` above the center of gravity, and turns with :math:`s_i = \pm 1` (plus is counterclockwise, from above).
 A command of one adds :math:`k_n b_{i}` to its speed, with the column :math:`b` of the autopilot's mixer. With
-:math:`k = c_H \rho n_h D^3`, :math:`k_T = (dc_T/dJ) \rho n_h D^3` and the inclination of the inflow that turning makes,
-:math:`\iota(a) = |z| / \sqrt{z^2 + a^2}` and one on the axis,
+:math:`k = c_H \rho n_h D^3` and :math:`k_T = (dc_T/dJ) \rho n_h D^3`,
 
 .. math::
 
-    X_u &= Y_v = -N k/m, & Z_w &= N k_T/m, & M_u &= N k z/I_{yy}, & L_v &= -N k z/I_{xx}
+    X_u &= Y_v = -N k/m, & Z_w &= N k_T n_m/(n_h m), & M_u &= N k z/I_{yy}, & L_v &= -N k z/I_{xx}
 
-    X_q &= k z \textstyle\sum \iota(l \xi_i)/m, &
-    M_q &= (k_T l^2 \textstyle\sum \xi_i^2 - k z^2 \textstyle\sum \iota(l \xi_i))/I_{yy}
+    X_q &= N k z/m, &
+    M_q &= (k_T l^2 \textstyle\sum \xi_i^2 - N k z^2)/I_{yy}
 
-    Y_p &= -k z \textstyle\sum \iota(l \eta_i)/m, &
-    L_p &= (k_T l^2 \textstyle\sum \eta_i^2 - k z^2 \textstyle\sum \iota(l \eta_i))/I_{xx}
+    Y_p &= -N k z/m, &
+    L_p &= (k_T l^2 \textstyle\sum \eta_i^2 - N k z^2)/I_{xx}
 
     M_{pitch} &= 2 k_n c_T \rho n_h D^4 l \textstyle\sum \xi_i b_i/I_{yy}, &
     L_{roll} &= -2 k_n c_T \rho n_h D^4 l \textstyle\sum \eta_i b_i/I_{xx}
@@ -23,11 +22,17 @@ A command of one adds :math:`k_n b_{i}` to its speed, with the column :math:`b` 
     N_{spin} &= 2 \pi k_n J_r \textstyle\sum s_i b_i/I_{zz}
 
     N_r &= -k l^2 \textstyle\sum (\xi_i^2 + \eta_i^2)/I_{zz}, &
-    Z_{thrust} &= -2 k_n c_T \rho n_h D^4 \textstyle\sum b_i/m, \qquad n_h = \sqrt{m g/(N c_T \rho D^4)}
+    Z_{thrust} &= -2 k_n c_T \rho n_m D^4 \textstyle\sum b_i/m, \qquad n_h = \sqrt{m g/(N c_T \rho D^4)}
+
+In a sweep of thrust the mean square of the speeds carries the weight. The slope of a square is that at the mean,
+whatever the size: :math:`Z_{thrust}` and :math:`Z_w` belong to :math:`n_m = \sqrt{n_h^2 - (k_n \sigma)^2}`, with the
+deviation :math:`\sigma` of the command behind the lag of the motors (the constant ``thrust_spread``).
 
 These are the derivatives of :func:`rotorid.models.hover_derivatives`, which has four rotors in a plus, and the reaction
-of rotors with the inertia :math:`J_r` to their spin-up. Assumed, beside what is assumed there: all rotors are alike,
-carry the same in hover, push straight up, and none stands in the wake of another.
+of rotors with the inertia :math:`J_r` to their spin-up. One differs: the inflow of a rotor is as inclined as in flight
+across, not as in a turn on the spot, for :math:`u = g q/\omega^2` outweighs the :math:`q l` of a hub below
+:math:`\omega = \sqrt{g/l}`, the band of damping. Assumed, beside what is assumed there: all rotors are alike, carry the
+same in hover, push straight up, and none stands in the wake of another.
 """
 
 from __future__ import annotations
@@ -105,24 +110,23 @@ def physical_hover(layout: RotorLayout, mixer: FloatArray | None = None) -> Line
         raise ModelError(f"got a mixer of shape {by.shape}", needed=f"shape {(layout.rotors, 4)}")
     count = layout.rotors
     drag, inflow, thrust = "c_H*rho*n_h*D**3", "dc_T_dJ*rho*n_h*D**3", "k_n*c_T*rho*n_h*D**4"
-    over_q, over_p = _inclinations(xi), _inclinations(eta)
     turning = _number(np.sum(layout.spins * by[:, 2]))
     ties = {
         "n_h": f"sqrt(m*g/({count}*c_T*rho*D**4))",
         "X_u": f"-{count}*{drag}/m",
-        "X_q": f"{drag}*z*{over_q}/m",
-        "Y_p": f"-{drag}*z*{over_p}/m",
+        "X_q": f"{count}*{drag}*z/m",
+        "Y_p": f"-{count}*{drag}*z/m",
         "M_u": f"{count}*{drag}*z/I_yy",
         "L_v": f"-{count}*{drag}*z/I_xx",
-        "M_q": f"({_number(np.sum(xi**2))}*{inflow}*l**2 - {drag}*z**2*{over_q})/I_yy",
-        "L_p": f"({_number(np.sum(eta**2))}*{inflow}*l**2 - {drag}*z**2*{over_p})/I_xx",
+        "M_q": f"({_number(np.sum(xi**2))}*{inflow}*l**2 - {count}*{drag}*z**2)/I_yy",
+        "L_p": f"({_number(np.sum(eta**2))}*{inflow}*l**2 - {count}*{drag}*z**2)/I_xx",
         "M_pitch": f"{_number(2.0 * np.sum(xi * by[:, 1]))}*l*{thrust}/I_yy",
         "L_roll": f"{_number(-2.0 * np.sum(eta * by[:, 0]))}*l*{thrust}/I_xx",
         "N_r": f"-{_number(np.sum(xi**2 + eta**2))}*{drag}*l**2/I_zz",
         "N_yaw": f"{turning}*k_n*c_P*rho*n_h*D**5/(pi*I_zz)",
         "N_spin": f"{turning}*2*pi*k_n*J_r/I_zz",
-        "Z_w": f"{count}*{inflow}/m",
-        "Z_thrust": f"-{_number(2.0 * np.sum(by[:, 3]))}*{thrust}/m",
+        "Z_w": f"{count}*dc_T_dJ*rho*n_m*D**3/m",
+        "Z_thrust": f"-{_number(2.0 * np.sum(by[:, 3]))}*k_n*c_T*rho*n_m*D**4/m",
     }
     structure = library_model(HOVER)
     parameters = structure.parameters
@@ -134,16 +138,6 @@ def physical_hover(layout: RotorLayout, mixer: FloatArray | None = None) -> Line
 def _number(value: float) -> str:
     """A factor of a tie, without the rounding of sines in its last digits."""
     return f"{float(f'{value:.12g}')!r}"
-
-
-def _inclinations(shares: FloatArray) -> str:
-    """Sum over the rotors of the inclination of the inflow, rotors at one distance together."""
-    distances, counts = np.unique(np.round(np.abs(shares), 9), return_counts=True)
-    terms = [
-        str(count) if distance < _FLAT else f"{count}*abs(z)/sqrt(z**2 + {_number(distance**2)}*l**2)"
-        for distance, count in zip(distances.tolist(), counts.tolist(), strict=True)
-    ]
-    return f"({' + '.join(terms)})"
 
 
 def _require_plain(layout: RotorLayout) -> None:

@@ -15,6 +15,7 @@ from rotorid.documents.result import ResultDocument
 from rotorid.errors import UsageError
 from rotorid.identifying.derivation import derivation, derivation_findings
 from rotorid.identifying.families import require_choices
+from rotorid.models.derived import derived_quantities
 from rotorid.models.library import library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.report.identification import render_sections
@@ -153,3 +154,17 @@ def test_what_is_no_known_quantity_is_refused(text: str) -> None:
 def test_motors_take_no_known_quantity() -> None:
     with pytest.raises(UsageError, match=r"known does not apply to physical\.motors"):
         require_choices("physical.motors", IdentifySettings(known={"I_zz": (0.006, 0.0)}))
+
+
+def test_the_slope_of_a_large_sweep_is_that_at_its_mean_speed() -> None:
+    hover, moved = 66.47, 114.7 * 0.132
+    mean = float(np.sqrt(hover**2 - moved**2))
+    parameters = {"Z_thrust": -2.0 * 9.80665 * 114.7 * mean / hover**2, "Z_w": -0.59}
+    found = derived_quantities(parameters, np.zeros((2, 2)), KNOWN, thrust_spread=0.132).values
+    assert (found["n_h"], found["n_m"]) == pytest.approx((hover, mean), rel=1e-12)
+    assert found["dc_T_dJ"] == pytest.approx(0.52 * -0.59 / (4.0 * 1.2 * mean * 0.2032**3), rel=1e-12)
+    small = derived_quantities(parameters, np.zeros((2, 2)), KNOWN).values
+    assert "n_m" not in small
+    assert small["n_h"] == pytest.approx(hover**2 / mean, rel=1e-12)
+    # Larger than rotors of such a slope can fly: nothing but the slope counts.
+    assert derived_quantities(parameters, np.zeros((2, 2)), KNOWN, thrust_spread=1.0).values["n_h"] == small["n_h"]
