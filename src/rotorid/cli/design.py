@@ -262,7 +262,7 @@ def _simulation(choices: DesignSettings, vehicle: Sequence[str], folder: Path, p
     from rotorid.report.files import VEHICLE_FILE
 
     changes = _set_words(choices.changes)
-    like = ["--like", choices.own.like] if choices.own is not None else []
+    like = ["--like", choices.own.like] if choices.own is not None and not choices.own.whole else []
     flies = [str(folder / VEHICLE_FILE)] if choices.vehicle_changed else [*vehicle, *like, *changes]
     wind = choices.plan.wind
     words = ["rotorid", "simulate", *flies, "--plan", str(place / "plan.json")]

@@ -752,7 +752,8 @@ def named_vehicle(
         given={key: value for key, value in known.items() if key in UNITS},
         name=_named(name, Path(results[0])),
     )
-    summary = f"identified: {', '.join(model.name for model in models)}; the rest is that of {own.like}"
+    rest = "autopilot and sensors are those" if own.whole else "the rest is that"
+    summary = f"identified: {', '.join(model.name for model in models)}; {rest} of {own.like}"
     craft = own.aircraft
     return NamedVehicle(
         # What sends set-points and logs answers stays, too, of a vehicle that is reached by these alone.

@@ -26,12 +26,13 @@ from rotorid.flying.vehicle_hover import curve_through, knows_hover
 from rotorid.flying.vehicle_numbers import MOTION, TERMS, UNITS, VehicleNumber
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
-from rotorid.simulation.autopilot import Autopilot
-from rotorid.simulation.linearization import hover_slopes
+from rotorid.simulation.autopilot import Autopilot, Three
+from rotorid.simulation.linearization import hover_derivatives_of, hover_slopes
 from rotorid.simulation.multirotor import Multirotor, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft, changed
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
+from rotorid.vehicles.catalog import aircraft
 from rotorid.vehicles.px4 import rotor_parameters, with_gains
 
 
@@ -51,6 +52,8 @@ class OwnVehicle(Immutable):
         What was taken from it, in words.
     answers
         Axes whose answer to a command is that of the results.
+    whole
+        Whether results know all of the body, so that autopilot and sensors alone are of another vehicle.
     """
 
     joined: JoinedVehicle
@@ -58,6 +61,7 @@ class OwnVehicle(Immutable):
     like: str
     taken: tuple[str, ...]
     answers: tuple[Axis, ...] = ()
+    whole: bool = False
 
     @property
     def tested(self) -> FlightRange | None:
@@ -136,7 +140,8 @@ def own_vehicle(
     models
         Results of one vehicle.
     like
-        A vehicle whose autopilot and sensors it has, and whose numbers fill in what the results do not hold.
+        A vehicle whose autopilot and sensors it has, and whose numbers fill in what the results do not hold. Without
+        one the results have to know the body; gains are those of the log, or are derived.
     given
         Numbers that were measured otherwise; see :func:`rotorid.flying.vehicle_from_results.joined_vehicle`.
     name
@@ -147,16 +152,10 @@ def own_vehicle(
     Raises
     ------
     UsageError
-        No vehicle was named for what results never hold, the autopilot; or results contradict each other.
+        No vehicle was named for what results do not hold, or they contradict each other.
     """
     if like is None:
-        vehicle = joined_vehicle(models, given=given, name=name)
-        absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in vehicle.numbers]
-        others = f", nor {', '.join(absent)}" if absent else ""
-        raise UsageError(
-            f"autopilot and sensors of {name} are unknown{others}",
-            remedy="take those of a similar vehicle, such as --like px4_quad (rotorid vehicles lists them)",
-        )
+        return _alone(joined_vehicle(models, given=given, name=name, layout=layout))
     usual = numbers_of(like)
     flown = [model.motors for model in models if model.motors is not None]
     of_speeds = any(physics.outputs == "speed" for physics in flown)
@@ -197,6 +196,99 @@ def own_vehicle(
     )
 
 
+def _alone(joined: JoinedVehicle) -> OwnVehicle:
+    """A vehicle all of whose body results know, with the autopilot that flew, or one with gains that follow from it.
+
+    Raises
+    ------
+    UsageError
+        Results do not know the body.
+    """
+    if joined.multirotor is None:
+        absent = [key for key in ("m", "arm", "kappa", *MOTION) if key not in joined.numbers]
+        others = f", nor {', '.join(absent)}" if absent else ""
+        raise UsageError(
+            f"autopilot and sensors of {joined.name} are unknown{others}",
+            remedy="take those of a similar vehicle, such as --like px4_quad (rotorid vehicles lists them)",
+        )
+    body, like = joined.multirotor, _flew(joined)
+    autopilot, taken = _autopilot(joined, body, like)
+    if autopilot.kind == like.autopilot.kind == "simple" and autopilot.mixer is like.autopilot.mixer:
+        autopilot = replace(autopilot, mixer=None)
+    if _GAINS in taken:
+        autopilot = _with_derived_gains(autopilot, body, like)
+        taken = [words for words in taken if words != _GAINS]
+        taken.append(f"gains of {like.name}, for the answer and the lag of this vehicle")
+    craft = Aircraft(vehicle=body, autopilot=autopilot, sensors=_sensors(joined, like.sensors))
+    joined = replace(joined, findings=(*joined.findings, *answer_remarks(craft, joined.models)))
+    still = [key for key in MOTION if key not in joined.numbers]
+    taken = [*taken, *_sensor_words(joined, like.sensors), *([f"no {', '.join(still)}"] if still else [])]
+    return OwnVehicle(
+        joined=joined,
+        aircraft=craft,
+        like=like.name,
+        taken=tuple(taken),
+        answers=tuple(ANSWERS),
+        whole=True,
+    )
+
+
+def _flew(joined: JoinedVehicle) -> Aircraft:
+    """The vehicle of the library with the autopilot of the log; a plain one where gains of that are not known."""
+    flew = joined.controller
+    kind = named("" if flew is None else flew.autopilot)
+    gains = controllers_of_result(flew).parameters if flew is not None else {}
+    return aircraft(kind.vehicle if kind.takes_gains and kind.gain in gains else _PLAIN)
+
+
+_PLAIN = "hummingbird"
+"""Its autopilot is that of no firmware."""
+
+
+def _with_derived_gains(own: Autopilot, body: Multirotor, like: Aircraft) -> Autopilot:
+    r"""Loops as fast as those of another vehicle, or slower where lag and delay :math:`T` are longer.
+
+    With the acceleration by a command :math:`A` and :math:`s = \min(1, T'/T)`,
+
+    .. math:: P = s \frac{A'}{A} P', \qquad I = s^2 \frac{A'}{A} I', \qquad D = \frac{A'}{A} D'
+
+    and loops of angle, speed and place are s times as fast.
+    """
+    mine, other = hover_derivatives_of(body, own), hover_derivatives_of(like.vehicle, like.autopilot)
+    power = [other[control] / mine[control] for _, control in ANSWERS.values()]
+    lags_s = [
+        np.array(pilot.delay_s) + max(vehicle.rotors.lag_up_s, vehicle.rotors.lag_down_s or 0.0)
+        for vehicle, pilot in ((body, own), (like.vehicle, like.autopilot))
+    ]
+    slow = np.minimum(1.0, lags_s[1] / np.maximum(lags_s[0], 1e-6)).tolist()
+    tilt = min(slow[:2])
+    rates, guidance = own.rates, own.guidance
+
+    def scaled(gains: Three, by: int, slower: int) -> Three:
+        roll, pitch, yaw = (s**slower * a**by * gain for s, a, gain in zip(slow, power, gains, strict=False))
+        return roll, pitch, yaw
+
+    return replace(
+        own,
+        rates=replace(
+            rates,
+            proportional=scaled(rates.proportional, 1, 1),
+            integral=scaled(rates.integral, 1, 2),
+            derivative=scaled(rates.derivative, 1, 0),
+        ),
+        angle_1_s=scaled(own.angle_1_s, 0, 1),
+        guidance=replace(
+            guidance,
+            velocity_p_1_s=tilt * guidance.velocity_p_1_s,
+            velocity_i_1_s2=tilt**2 * guidance.velocity_i_1_s2,
+            position_p_1_s=tilt * guidance.position_p_1_s,
+            climb_p=slow[3] * guidance.climb_p,
+            climb_i=slow[3] ** 2 * guidance.climb_i,
+            height_p_1_s=slow[3] * guidance.height_p_1_s,
+        ),
+    )
+
+
 def _sensors(joined: JoinedVehicle, usual: Sensors) -> Sensors:
     """Those of another vehicle, with the accelerometer where results have it."""
     places = zip(PLACE, usual.accelerometer_place_m, strict=True)
@@ -219,6 +311,9 @@ def _identified(model: IdentifiedModel, name: str) -> bool:
 _DELAYS = ("tau_roll", "tau_pitch", "tau_yaw", "tau_thrust", "tau")
 
 
+_GAINS = "gains and filters"
+
+
 def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple[Autopilot, list[str]]:
     """The autopilot of a library vehicle adapted to this one, and which parts are not this one's."""
     own, taken = like.autopilot, [f"the autopilot, {like.autopilot.kind} at {like.autopilot.rate_hz:g} Hz"]
@@ -228,7 +323,7 @@ def _autopilot(joined: JoinedVehicle, body: Multirotor, like: Aircraft) -> tuple
     if flies.takes_gains and flies.gain in gains:
         own = with_gains(like, gains, source="the log").autopilot
     else:
-        taken.append("gains and filters")
+        taken.append(_GAINS)
     delays_s, assumed = delays_of(joined, replace(like, vehicle=body, autopilot=own))
     own, taken = replace(own, delay_s=delays_s), [*taken, *assumed]
     known = [model.motors for model in joined.models if model.motors is not None]

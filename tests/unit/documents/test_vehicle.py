@@ -17,6 +17,7 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.flying.simulation import simulate
 from rotorid.flying.user_vehicles import own_vehicle
 from rotorid.results.summary import ControllerSettings, Straightening
+from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import RotorFlow
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.simulation.wind import Wind
@@ -189,6 +190,29 @@ def test_gains_are_those_of_the_log() -> None:
     assert own.aircraft.autopilot.gyro_cutoff_hz == 47.0
     assert "gains and filters" not in own.taken
     assert "gains and filters" in own_vehicle([motors()], like=aircraft("px4_quad"), given={"kappa": 0.02}).taken
+
+
+def test_results_of_a_whole_body_fly_without_another_vehicle() -> None:
+    """Gains are those of the log, or make loops as fast as a plain one's, slower by the lag."""
+    flew = ControllerSettings(
+        autopilot="PX4", firmware="1.17", loop_rate_hz=250.0, gains={"MC_ROLLRATE_P": 0.07}, filters={}
+    )
+    logged = own_vehicle([replace(motors(), controller=flew)], like=None, given={"kappa": 0.02})
+    assert (logged.whole, logged.like, logged.aircraft.autopilot.rates.proportional[0]) == (True, "px4_quad", 0.07)
+    assert not any(number.source == "default" for number in logged.joined.numbers.values())
+    derived, plain = own_vehicle([motors()], like=None, given={"kappa": 0.02}), aircraft("hummingbird")
+    assert derived.aircraft.autopilot.kind == plain.autopilot.kind
+    assert any("gains of hummingbird, for the answer" in words for words in derived.taken)
+    crossover, other = (
+        np.array(one.autopilot.rates.proportional)
+        * [hover_derivatives_of(one.vehicle, one.autopilot)[name] for name in ("L_roll", "M_pitch", "N_yaw")]
+        for one in (derived.aircraft, plain)
+    )
+    slow = np.array(derived.aircraft.autopilot.angle_1_s) / plain.autopilot.angle_1_s
+    assert (slow <= 1.0).all()
+    np.testing.assert_allclose(crossover, slow * other, rtol=1e-9)
+    with pytest.raises(UsageError, match="--like px4_quad"):
+        own_vehicle([hover(X_u=-0.2)], like=None)
 
 
 def test_results_name_the_firmware_that_flew(tmp_path: Path) -> None:
