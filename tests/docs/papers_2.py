@@ -198,6 +198,12 @@ def corrected(runs: Runs) -> float:
     return gain[1] / gain[0] - 1.0
 
 
+def four_in_sight(runs: Runs) -> bool:
+    page = runs["s500-axes"].text("report.html")
+    seen = page[page.index('id="of-responses"') :].partition("off-axis response")[0]
+    return all(f"response-{number}" in seen for number in range(4)) and "response-4" not in seen
+
+
 def inspected(runs: Runs) -> dict[str, Any]:
     found: dict[str, Any] = runs.json_of("rotorid inspect s500/flight.ulg --json")
     return found
@@ -575,18 +581,19 @@ LINES = (
         drawn("s500-response", "responses-pitch_command", "coherence", panels=3, curves=3),
     ),
     Line(
-        "s500-lateral-response",
+        "s500-axes",
         "fig 4",
         *(
-            Number(
-                f"{pair}, to [rad/s]",
-                field("s500-lateral-response", "pairs", pair, "band_rad_s", 1),
-                paper=high,
-                least=high,
+            Number(f"{pair}, to [rad/s]", field("s500-axes", "pairs", pair, "band_rad_s", 1), paper=high, least=high)
+            for pair, high in (
+                ("q/pitch_command", 30.0),
+                ("az/thrust_command", 21.0),
+                ("p/roll_command", 30.0),
+                ("r/yaw_command", 21.0),
             )
-            for pair, high in (("p/roll_command", 30.0), ("r/yaw_command", 21.0))
         ),
-        drawn("s500-lateral-response", "responses-roll_command", "measured", panels=3, curves=3, bands=2),
+        Fact("four in sight, those across axes folded", four_in_sight),
+        drawn("s500-axes", "responses-roll_command", "measured", panels=3, curves=3, bands=2),
     ),
     Line(
         "s500-cut",

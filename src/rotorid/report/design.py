@@ -51,7 +51,7 @@ from rotorid.report.parts import (
     FindingRow,
     by_axis,
     finding_rows,
-    on_axis,
+    leading_pairs,
 )
 from rotorid.report.words import parameter_words
 from rotorid.simulation.wind import Wind
@@ -455,7 +455,6 @@ _DIFFER = 1.05
 _LONG_S = 60.0
 _STEP_TURNS = 6.0
 _LEAST_SHARE = 0.1
-_MOST_UNFOLDED = 4
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -612,8 +611,7 @@ def expected_pictures(prediction: Prediction, *, least_coherence: float, key: st
     """A Bode picture of each response with usable points."""
     response, used = prediction.response, prediction.used
     pairs = by_axis([(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(used.any(axis=-1))])
-    main = sum(on_axis(*pair) for pair in pairs)
-    leading = main if main and len(pairs) > _MOST_UNFOLDED else len(pairs)
+    leading = leading_pairs(pairs)
     pictures = [
         in_all_units(
             partial(predicted_bode, response, output=output, input=input, used=used, least_coherence=least_coherence),

@@ -78,6 +78,18 @@ def by_axis(pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
     return sorted(pairs, key=lambda pair: (not on_axis(*pair), inputs.index(pair[1])))
 
 
+def leading_pairs(pairs: list[tuple[str, str]]) -> int:
+    """How many of the pairs, on axis first, are in sight; a few are all.
+
+    Examples
+    --------
+    >>> leading_pairs([("p", "roll_command"), ("r", "roll_command")])
+    2
+    """
+    main = sum(on_axis(*pair) for pair in pairs)
+    return main if main and len(pairs) > _MOST_UNFOLDED else len(pairs)
+
+
 def model_pictures(shown: Shown, *, anchor: str) -> ModelPictures:
     """A picture of each fitted response; a few are all in sight.
 
@@ -98,9 +110,7 @@ def model_pictures(shown: Shown, *, anchor: str) -> ModelPictures:
     pictures = tuple(
         _picture(shown, f"{anchor}-response-{number}", output, input) for number, (output, input) in enumerate(pairs)
     )
-    leading = sum(on_axis(*pair) for pair in pairs)
-    if len(pairs) <= _MOST_UNFOLDED or not leading:
-        leading = len(pairs)
+    leading = leading_pairs(pairs)
     return ModelPictures(leading=pictures[:leading], folded=pictures[leading:])
 
 

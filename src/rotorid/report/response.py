@@ -22,7 +22,7 @@ from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
-from rotorid.report.parts import ManeuverRow, finding_rows, maneuver_row, timelines
+from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, leading_pairs, maneuver_row, timelines
 from rotorid.report.words import response_summary
 from rotorid.results.verdicts import Verdict
 from rotorid.spectral.derived import Estimated, read_points
@@ -359,7 +359,7 @@ def _span(omega_rad_s: FloatArray, run: slice) -> tuple[float, float]:
 
 
 def response_pictures(result: Responses) -> tuple[Picture, ...]:
-    """A Bode picture of each response of which something can be used, over the direct estimate."""
+    """A Bode picture of each response of which something can be used, over the direct estimate, on axis first."""
     return tuple(
         in_all_units(
             partial(
@@ -399,9 +399,9 @@ def window_pictures(result: Responses) -> tuple[Picture, ...]:
 
 
 def _usable(result: Responses) -> list[tuple[str, str]]:
-    """Outputs and inputs of the responses of which something can be used."""
+    """Outputs and inputs of the responses of which something can be used, on axis first."""
     response = result.response
-    return [(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(result.used.any(axis=-1))]
+    return by_axis([(response.outputs[y], response.inputs[u]) for y, u in np.argwhere(result.used.any(axis=-1))])
 
 
 LOOP_SCOPES = {"rate": "rate loop", "whole": "whole loop"}
@@ -489,6 +489,7 @@ def render_responses(result: Responses, *, title: str) -> str:
         pairs=pair_rows(result),
         bands=drawn.bands,
         responses=drawn.responses,
+        leading=leading_pairs(_usable(result)),
         loops=drawn.loops,
         answers=[loop_answer(axis, loop) for axis, _, loop in loops_of(result.loops)],
         splits=split_rows(result),

@@ -15,6 +15,7 @@ from tests.unit.report.sample import HOSTILE
 from rotorid.data.quantity import significant, with_error
 from rotorid.data.response import Estimate
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of, response_document
+from rotorid.report.parts import by_axis, leading_pairs
 from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
 from rotorid.report.words import response_summary
 from rotorid.spectral.margins import attitude_bandwidth
@@ -219,3 +220,11 @@ def test_views_bring_numbers_only_where_no_conversion_gives_them(page: Page) -> 
 def test_the_file_stays_small() -> None:
     """The library takes 1.2 MB; three pairs, a loop and a record must not double that."""
     assert len(render_responses(responses(), title="t").encode()) < 2_000_000
+
+
+def test_of_many_responses_those_on_axis_are_in_sight() -> None:
+    outputs, inputs = ("q", "az", "p", "r"), ("pitch_command", "thrust_command", "roll_command", "yaw_command")
+    pairs = by_axis([(output, input) for output in outputs for input in inputs])
+    assert pairs[: leading_pairs(pairs)] == list(zip(outputs, inputs, strict=True))
+    motors = [(output, f"motor_{number}") for output in outputs for number in range(4)]
+    assert leading_pairs(by_axis(motors)) == len(motors)
