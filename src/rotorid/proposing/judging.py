@@ -61,7 +61,7 @@ _KNOBS: tuple[tuple[str, ...], ...] = (
     *(("A",), ("I",), ("D",)),
     *(("P", "D"), ("I", "A"), ("P", "I", "D"), ("P", "I", "D", "A")),
 )
-_TRIED_DRAWS = 40
+_TRIED_DRAWS = 10
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -419,13 +419,17 @@ def _lower(
     """The mildest change of one gain, or of P, I and D together, with which the loops may fly; empty where none may."""
     few = replace(plant, misfits=plant.misfits[:_TRIED_DRAWS])
     named = parameters_of(controller)
+
+    def flies(on: UncertainPlant, less: Gains) -> bool:
+        return loop_verdict(on, _situations(on, controller, parts, less, gain_range)).flies
+
     for factor in _LESS:
         for knob in _KNOBS:
             changed = {letter: factor * getattr(gains, letter) for letter in knob if getattr(gains, letter) > 0.0}
             if not changed or not all(letter in named for letter in changed):
                 continue
             less = replace(gains, **changed)
-            if loop_verdict(few, _situations(few, controller, parts, less, gain_range)).flies:
+            if flies(few, less) and flies(plant, less):
                 return {named[letter].name: value / named[letter].per_si for letter, value in changed.items()}
     return {}
 

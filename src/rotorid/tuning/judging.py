@@ -12,7 +12,7 @@ have to hold: the ends of the throttle, and those of a D that changes in flight.
   whose crossover lies beyond what is known of the plant are never called safe.
 
 The thresholds were chosen on 5 184 sets of gains of 108 axes, and hold on vehicles that were not among them
-(``docs/judging-study.md``).
+(``docs/tuning-study.md``).
 """
 
 from __future__ import annotations

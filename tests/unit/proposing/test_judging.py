@@ -13,8 +13,8 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controllers import controllers_of
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.flown_gains import LoggedLoop
-from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
-from rotorid.tuning import frequency_grid, read_gains, uncertain_plant
+from rotorid.proposing.judging import JudgedGains, judge_axis, judge_gains, load_gains
+from rotorid.tuning import frequency_grid, judged, read_gains, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 PX4 = {
@@ -65,7 +65,7 @@ def known(axis: Axis, record: FlightRecord) -> KnownAxis:
     assert controller is not None
     source = "vehicle_angular_velocity.xyz[0]" if controller.autopilot == "PX4" else "gyroADC[0]"
     loop = LoggedLoop(axis=axis, controller=controller, known=flown, record=record, source=source)
-    plant = uncertain_plant(vehicle, None, band_rad_s=(1.0, 120.0), draws=40)
+    plant = uncertain_plant(vehicle, None, band_rad_s=(1.0, 120.0), draws=20)
     omega = frequency_grid(controller.controller)
     parts = loop.parts(omega)
     return KnownAxis(
@@ -209,3 +209,32 @@ def test_settings_of_a_flight_without_noise_have_ratios_only() -> None:
     assert roll.noise.rms is None
     assert roll.noise.ratio > 2.0
     assert replace(roll, reasons=()).found.verdict in ("gently", "do_not_fly")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "firmware", "names"),
+    [
+        (PX4, "PX4 1.16.0", ("MC_ROLLRATE_P", "MC_ROLLRATE_I", "MC_ROLLRATE_D", "MC_ROLL_P")),
+        (BETAFLIGHT, "Betaflight 4.4.3", ("rollPID_P", "rollPID_I", "rollPID_D", "levelPID_P")),
+    ],
+)
+def test_gains_that_nobody_flew_are_told_apart(
+    parameters: dict[str, float], firmware: str, names: tuple[str, ...]
+) -> None:
+    """The truth is another draw of the plant: no bad set may fly, and no good one is refused."""
+    roll = known("roll", log(parameters, firmware))
+    true = uncertain_plant(vehicle, None, band_rad_s=(1.0, 120.0), draws=1, seed=77).drawn(roll.omega_rad_s)
+    rng = np.random.default_rng(3)
+    bad, good = [], []
+    for _ in range(20):
+        values = {name: parameters[name] * float(np.exp(rng.uniform(-1.6, 1.6))) for name in names}
+        found = judge_axis("roll", roll, values, advise=False)
+        exact = judged(found.parts, true, found.judged.gains, from_rad_s=roll.plant.known_from_rad_s)
+        stable = exact.rate.stable[0] and exact.whole.stable[0]
+        peak = max(exact.rate.sensitivity_peak[0], exact.whole.sensitivity_peak[0]) if stable else np.inf
+        bad += [found.verdict] if peak > 3.0 else []
+        good += [found.verdict] if peak < 1.7 else []
+    assert bad
+    assert good
+    assert set(bad) == {"do_not_fly"}
+    assert set(good) <= {"fly", "gently"}

@@ -1,0 +1,34 @@
+"""Gains that nobody flew are judged after one flight: none that is unstable is called safe, and no good one refused.
+
+The whole study, two axes of 60 vehicles of each kind, is ``python -m benchmarks.judging_fleet``; a table of some of
+them stands in ``docs/tuning-study.md``. Here are every tenth, judged on the simulator's exact plant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.judging_fleet import AXES, BAD_PEAK, GOOD_PEAK, Judgment, one
+
+pytestmark = pytest.mark.slow
+
+NUMBERS = (0, 1, 4, 7, 13, 14)
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Judgment]:
+    return [row for number in NUMBERS for hard in (False, True) for axis in AXES for row in one((number, axis, hard))]
+
+
+def test_what_would_swing_is_not_flown(rows: list[Judgment]) -> None:
+    bad = [row.verdict for row in rows if row.truth > BAD_PEAK]
+    assert len(bad) > 100
+    assert np.mean([verdict == "do_not_fly" for verdict in bad]) >= 0.99
+    assert not [row for row in rows if not np.isfinite(row.truth) and row.verdict in ("fly", "gently")]
+
+
+def test_good_gains_are_not_refused(rows: list[Judgment]) -> None:
+    good = [row.verdict for row in rows if row.truth < GOOD_PEAK]
+    assert len(good) > 50
+    assert np.mean([verdict == "do_not_fly" for verdict in good]) <= 0.03
+    assert np.mean([verdict in ("fly", "gently") for verdict in good]) >= 0.85
