@@ -17,6 +17,7 @@ from rotorid.flights.selection import excited_pairs
 from rotorid.proposing import TuningProposal, check_tuning, tune
 from rotorid.proposing.check import Foretold
 from rotorid.report.tune import render_tune
+from rotorid.tuning import read_gains
 from rotorid.tuning.loops import quantities
 
 SWEEP = "ardupilot_sitl/x_calm_roll.BIN"
@@ -41,6 +42,28 @@ def test_hot_gains_of_ardupilot_come_down(sweep: rotorid.FlightRecord, model: ro
     assert sorted(found.files) == ["proposed.param"]
     # The sweep logs the rate in front of the filters of the gyro, and still says that these gains flew.
     assert not [one for one in found.findings if one.kind == "controller_unchecked"]
+
+
+def test_gains_of_the_firmwares_own_autotune_are_judged(
+    sweep: rotorid.FlightRecord, model: rotorid.IdentifiedModel, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """AUTOTUNE ended with these on this vehicle; on its exact plant their M_s is 2.7."""
+    text = "ATC_RAT_RLL_P,0.117\nATC_RAT_RLL_I,0.117\nATC_RAT_RLL_D,0.0006\nATC_ANG_RLL_P,34\n"
+    found = tune(model, sweep, axes=("roll",), keep=("P", "I", "D"), judge=read_gains(text, name="autotune.param"))
+    document = tune_document(found)
+    assert document.judged is not None
+    roll = document.judged.axes["roll"]
+    assert (document.judged.verdict, roll.verdict) == ("do_not_fly", "do_not_fly")
+    assert roll.usual_peak == pytest.approx(2.7, abs=0.15)
+    assert document.breaks["roll_rad_s"] == pytest.approx(90.0, rel=0.1)
+    assert roll.lower
+    assert "gains_out_of_range" in {finding.kind for finding in found.findings}
+    _print(document, tmp_path, given=[])
+    shown = capsys.readouterr().out
+    assert shown.startswith(
+        "autotune.param: do not fly these gains.\nRoll: do not fly these gains: the loop with angle loop"
+    )
+    assert "do not fly these gains" in render_tune(found, title="Gains")
 
 
 @pytest.mark.parametrize("factor", [0.4, 2.5])

@@ -178,7 +178,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     for sentence in judged_sentences(document):
         line(sentence)
     if document.judged is not None:
-        line("\nGains that rotorid proposes instead:" if document.changed else "")
+        line("\nGains that rotorid proposes:" if document.changed else "")
     for axis, tuning in document.axes.items():
         line(axis_sentence(axis, tuning))
         if limits := limiting(tuning):

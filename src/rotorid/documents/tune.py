@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
@@ -236,7 +237,8 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
 def _judged(gains: JudgedGains) -> JudgedDocument:
     axes = {axis: _judged_axis(found) for axis, found in gains.axes.items()}
     axes |= {axis: AxisJudgedDocument(verdict="not_enough_data", reasons=[why]) for axis, why in gains.unknown.items()}
-    return JudgedDocument(source=gains.source, axes=axes, verdict=gains.verdict)
+    in_order = {axis: axes[axis] for axis in RATE_OF if axis in axes}
+    return JudgedDocument(source=gains.source, axes=in_order, verdict=gains.verdict)
 
 
 def _judged_axis(found: AxisJudgment) -> AxisJudgedDocument:
