@@ -124,6 +124,8 @@ def fly(
     folder: Path,
     seed: int,
     plan: FlightPlan | None = None,
+    *,
+    band_rad_s: tuple[float, float] | None = None,
 ) -> tuple[str, FlightPlan]:
     """A log and its plan: the one that fits the gains, or that of an earlier flight where none does in its wind."""
     # Parameters are known as an autopilot's by its gain of roll.
@@ -131,7 +133,11 @@ def fly(
     flown = with_gains(craft, {name: craft.autopilot.rates.proportional[0], **gains}, source="the fleet")
     wind = Wind(north_m_s=air["north"], turbulence_m_s=air["gusts"])
     wanted = PlanSettings(
-        axes=(axis,), shape="logarithmic_sweep", band_rad_s=SWEEPS[axis], duration_s=air["sweep_s"], seed=seed
+        axes=(axis,),
+        shape="logarithmic_sweep",
+        band_rad_s=band_rad_s or SWEEPS[axis],
+        duration_s=air["sweep_s"],
+        seed=seed,
     )
     try:
         plan = plan_for(flown, wanted).plan

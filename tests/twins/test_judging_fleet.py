@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.judging_fleet import AXES, BAD_PEAK, GOOD_PEAK, Judgment, one
+from benchmarks.judging_fleet import BAD_PEAK, GOOD_PEAK, Judgment, one
+from benchmarks.tuning_fleet import AXES
 
 pytestmark = pytest.mark.slow
 
