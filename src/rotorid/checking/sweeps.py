@@ -198,7 +198,8 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     flights
         All maneuvers that the model of the result was fitted to.
     """
-    shown = [_shown_by(flight.maneuver) for flight in flights]
+    single = all(name.startswith("motor_") for name in structure.inputs)
+    shown = [_shown_by(flight.maneuver, single=single) for flight in flights]
     again = [index for index, one in enumerate(shown) if shown.count(one) > 1]
     if not again:
         return FrequencyCheck(findings=(nothing_left(structure),))
@@ -221,9 +222,14 @@ def hold_out(structure: LinearStructure, flights: Sequence[Flight], settings: Id
     return replace(judged, findings=findings)
 
 
-def _shown_by(maneuver: Maneuver) -> str:
-    """What a maneuver excites: its axis, or the one motor that was swept on a bench."""
-    return maneuver.signal if maneuver.signal.startswith("motor_") else maneuver.axis
+def _shown_by(maneuver: Maneuver, *, single: bool) -> str:
+    """What a maneuver excites: its axis or, on a bench, the one motor whose test input was logged.
+
+    Without a test input, feedback moves all motors at once: nothing shows which of them was swept, nor whether twice.
+    """
+    if maneuver.signal.startswith("motor_") and maneuver.signal.endswith("_excitation"):
+        return maneuver.signal
+    return f"{maneuver.axis} at {maneuver.start_s:g} s" if single else maneuver.axis
 
 
 def nothing_left(structure: LinearStructure) -> Finding:

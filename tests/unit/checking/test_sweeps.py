@@ -24,7 +24,7 @@ from rotorid.flights.selection import Selection, select_maneuvers
 from rotorid.identifying.identification import identify
 from rotorid.identifying.methods import judging
 from rotorid.io.registry import read
-from rotorid.models.library import rate_model
+from rotorid.models.library import library_model, rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.reduction.guided import Reduced, fit_and_drop
 from rotorid.results.model import FrequencyCheck, Verifications
@@ -253,10 +253,15 @@ def of_motor(flown: Flight, motor: str) -> Flight:
 
 def test_the_only_sweep_of_a_motor_is_not_held_out(first: Fit) -> None:
     # On a pivot both motors turn one axis, but each has its own delay, which only its own sweep shows.
-    once = [of_motor(first.selection.fitted[0], "motor_3"), of_motor(first.second, "motor_4_excitation")]
+    once = [of_motor(first.selection.fitted[0], "motor_3_excitation"), of_motor(first.second, "motor_4_excitation")]
     assert "verification" in of_kind("not_verified", hold_out(*held(first, once)).findings)
     twice = [*once, of_motor(first.second, "motor_4_excitation")]
     assert of_kind("held_out", hold_out(*held(first, twice)).findings)
+
+
+def test_sweeps_of_motors_without_test_inputs_are_not_held_out(first: Fit) -> None:
+    bench = library_model("rig.roll"), [*first.selection.fitted, first.second], first.settings
+    assert "verification" in of_kind("not_verified", hold_out(*bench).findings)
 
 
 def test_the_last_maneuver_of_an_axis_flown_twice_is_held_out(first: Fit) -> None:
