@@ -509,6 +509,8 @@ def _no_ordinary(record: FlightRecord, axis: Axis) -> str:
         return "the vehicle never flew" if never_flew(error) else "the flight time is unknown"
     if not _long_flights(record, axis):
         return f"no flight lasts {SHORTEST_ORDINARY_S:.0f} s"
+    if f"{axis}_stick" not in record.channel_names:
+        return f"no {axis} stick is logged, nor a set-point that is the stick"
     return f"the {axis} stick does not move in flight"
 
 

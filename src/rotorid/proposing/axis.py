@@ -179,7 +179,7 @@ def known_axis(
         require_calm(record)
     model = rate_model(axis, given, logs)
     if record is not None:
-        findings += [finding for finding in require_room(record, model) if finding not in findings]
+        findings += [finding for finding in require_room(record, model, axis=axis) if finding not in findings]
     findings += [finding for finding in plant_remarks(axis, given, model) if finding not in findings]
     flown = flown_axis(axis, model, record)
     findings += require_controller_match(flown) if record is not None else _unchecked(model)

@@ -15,7 +15,8 @@ from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.autopilots.registry import named
 from rotorid.checking.candidate import UNFILTERED
 from rotorid.data.axes import RATE_OF
-from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.display import capital
+from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import beyond
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
@@ -27,12 +28,13 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
 from rotorid.signal.motors import motor_limits
+from rotorid.signal.oscillations import LARGEST_LIMITED, check_oscillations
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, FloatArray
 
 _MOST_SATURATED = 0.02
-"""Share of the time with a motor at a limit due to roll, pitch and yaw commands, above which nothing is proposed: the
-plant is that of a limit cycle."""
+"""Share of the time with a motor at a limit due to roll, pitch and yaw commands, above which nothing is proposed where
+it is not known that the axis is calm: the plant may be that of a limit cycle."""
 
 _NOISE_OVER_BAND = 1.5
 
@@ -234,20 +236,25 @@ def _clause(sentence: str) -> str:
     return own.rstrip(".")
 
 
-def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> list[Finding]:
+def require_room(
+    record: FlightRecord, model: IdentifiedModel | None = None, *, axis: Axis | None = None
+) -> list[Finding]:
     """Refuse a flight that oscillates or whose motors were at their limits; a remark where that is not known.
 
-    Its plant would be that of a limit cycle.
+    Its plant would be that of a limit cycle. Sticks, a chopped throttle and gusts take motors to their limits too: of
+    an axis that was checked and is calm, they did that up to a quarter of the time.
 
     Parameters
     ----------
     model
         Its plant: limits count where it was measured. ``None`` for the whole flight.
+    axis
+        The one that is asked about; ``None`` for all of them.
 
     Raises
     ------
     InsufficientDataError
-        An axis oscillates, or a motor was at a limit for more than 2 % of the time.
+        An axis oscillates, or a motor was at a limit for more than 2 % of the time, or 25 % where the axis is calm.
     """
     require_calm(record)
     limits = motor_limits(record)
@@ -258,15 +265,30 @@ def require_room(record: FlightRecord, model: IdentifiedModel | None = None) -> 
         message = f"Motor limits were not checked: {record.source.name} {limits.unknown}."
         return [remark("room_not_checked", record.source.name, message)]
     # Throttle alone brings all motors to a limit, which gains do not cause.
-    if limits.of(limits.by_loop) > _MOST_SATURATED:
-        part = "the analyzed maneuvers" if own else "the flight"
-        raise InsufficientDataError(
-            f"a motor was at a limit for {beyond(100.0 * limits.share, 100.0 * _MOST_SATURATED)} % of {part}",
-            needed=f"less than {100.0 * _MOST_SATURATED:.0f} % from roll, pitch and yaw commands",
-            remedy="lower the gains first",
-            findings=[limits.finding(refusal, part, "Lower the gains first.")],
-        )
-    return []
+    by_loop = limits.of(limits.by_loop)
+    if by_loop <= _MOST_SATURATED:
+        return []
+    part = "the analyzed maneuvers" if own else "the flight"
+    calm = _is_calm(record, axis)
+    if calm and by_loop <= LARGEST_LIMITED:
+        return [limits.finding(warn, part, "No axis oscillates: sticks or gusts did it. Fly the new gains gently.")]
+    most = LARGEST_LIMITED if calm else _MOST_SATURATED
+    what = "fly 30 s with smaller sticks" if calm else "lower the gains first"
+    raise InsufficientDataError(
+        f"a motor was at a limit for {beyond(100.0 * limits.share, 100.0 * most)} % of {part}",
+        needed=f"less than {100.0 * most:.0f} % from roll, pitch and yaw commands",
+        remedy=what,
+        findings=[limits.finding(refusal, part, f"{capital(what)}.")],
+    )
+
+
+def _is_calm(record: FlightRecord, axis: Axis | None) -> bool:
+    """Whether an axis, or roll and pitch, were checked and do not oscillate."""
+    try:
+        calm = check_oscillations(record).calm
+    except InsufficientDataError:
+        return False
+    return set(calm) >= ({axis} if axis is not None else {"roll", "pitch"})
 
 
 def require_calm(record: FlightRecord) -> None:

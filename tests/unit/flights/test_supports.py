@@ -98,7 +98,7 @@ MADE: dict[str, Callable[[dict[str, FloatArray]], FlightRecord]] = {
 }
 SAYS = {
     "stick at rest": "the roll stick does not move in flight",
-    "no stick": "the roll stick does not move in flight",
+    "no stick": "no roll stick is logged, nor a set-point that is the stick",
     "no rate": "the log lacks p",
     "no command": "the log lacks roll_command",
     "slow": "logged too slowly (roll_command at 25 Hz, p at 25 Hz)",
