@@ -229,7 +229,7 @@ def _axis(model: str | IdentifiedModel, chosen: Axis | None) -> tuple[Axis, list
         name, axes = model.name, model.rate_axes
     else:
         name, own = model, RATE_AXIS.get(model)
-        if own not in RATE_OF:
+        if own is None or own not in RATE_OF:
             raise no_such("model to track", model, [rate_model_of(axis) for axis in RATE_OF])
         axes = (own,)
     if not axes:
