@@ -25,7 +25,7 @@ from rotorid.checking.nonlinear import NonlinearPredictor, flown_records, logged
 from rotorid.checking.predictions import whole_flights
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, RotoridError
 from rotorid.fits.remarks import judge_combinations, judge_parameters
@@ -45,6 +45,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, source_of
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
+from rotorid.models.library import THRUST_LIMIT
 from rotorid.models.nonlinear import NonlinearStructure, linear_of
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -53,6 +54,8 @@ from rotorid.results.summary import Checks, Fit, FitEnd
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import chosen_parameters
 from rotorid.settings.verifying import VerifySettings
+from rotorid.signal.step_response import CHANNELS as THRUST_CHANNELS
+from rotorid.signal.step_response import thrust_over_weight
 from rotorid.simulation.nonlinear import Scheme
 from rotorid.uncertainty.clocks import channel_errors
 from rotorid.uncertainty.cramer_rao import Bounds, bounds_of_parts
@@ -222,6 +225,7 @@ class Nonlinear:
 
     def fit(self, data: NonlinearData) -> FittedNonlinear:
         """Fit all records together, bound the parameters, and fit each record alone."""
+        data = self._with_thrust_limit(data)
         structure, records = data.structure, data.records
         _PROGRESS.info(f"fitting {structure.name} by output error")
         posing = Posing(structure, self.settings.pieces_s)
@@ -255,6 +259,41 @@ class Nonlinear:
         )
         _require_explained(fitted)
         return fitted
+
+    def _with_thrust_limit(self, data: NonlinearData) -> NonlinearData:
+        """With the limit of thrust near its value, or without one where the flight shows none.
+
+        The search comes from below: a limit above all thrust that is asked for moves nothing.
+        """
+        structure, parameters = data.structure, data.parameters
+        if THRUST_LIMIT not in parameters.free:
+            return data
+        unlimited = parameters.fix(THRUST_LIMIT, parameters[THRUST_LIMIT].upper)
+        if not set(THRUST_CHANNELS) <= set(structure.outputs):
+            return data._replace(parameters=unlimited)
+        highest = max(_highest_thrust(structure, data.records.data), 1.0)
+        low = parameters.with_values({THRUST_LIMIT: 0.5 * (1.0 + highest)})
+        posing, records = Posing(structure, self.settings.pieces_s), data.records
+        ended, free = (
+            fit_nonlinear(self._posed(posing, chosen, records, records.data), solver=self.solver)
+            for chosen in (low, unlimited)
+        )
+        if _likelihood(free) - _likelihood(ended) < _SHOWS_A_LIMIT:
+            return data._replace(parameters=unlimited)
+        near = ended.estimate.parameters[THRUST_LIMIT].value
+        return data._replace(parameters=low.with_values({THRUST_LIMIT: near}))
+
+    def _thrust_unlimited(self, data: NonlinearData, fitted: FittedNonlinear) -> Sequence[Finding]:
+        """Up to where no limit of thrust shows, where one was looked for."""
+        parameters = fitted.model.parameters
+        if THRUST_LIMIT not in data.parameters.free or THRUST_LIMIT in parameters.free:
+            return ()
+        if not set(THRUST_CHANNELS) <= set(data.structure.outputs):
+            needed = ", ".join(THRUST_CHANNELS)
+            return (remark("thrust_limit", THRUST_LIMIT, f"A limit of thrust is not seen without {needed}."),)
+        highest = _highest_thrust(data.structure, data.records.data)
+        message = f"Thrust reached {highest:.2f} times the weight, and no limit shows up to there."
+        return (remark("thrust_limit", THRUST_LIMIT, message, highest=highest),)
 
     def first_fit(self, data: NonlinearData) -> ParameterSet:
         """The parameters that fit all records best, without their bounds."""
@@ -425,6 +464,7 @@ class Nonlinear:
         step_s = 1.0 / data.records.data[0].sample_rate_hz
         return (
             *((fitted.disturbance,) if fitted.disturbance is not None else ()),
+            *self._thrust_unlimited(data, fitted),
             *judge_explained(fitted.fit_percent),
             *undriven_outputs(fitted.fitted, fitted.simulated, fitted.fit_percent),
             *judge_colors(fitted.model.name, fitted.bounds, step_s),
@@ -550,6 +590,23 @@ def _disturbance(
 def _likelihood(fit: NonlinearFit) -> float:
     """Cost of a fit for comparison with others of the same records; less is better."""
     return -log_likelihood(fit.problem) if np.isfinite(fit.solution.cost) else math.inf
+
+
+_SHOWS_A_LIMIT = 10.0
+"""Gain of the log-likelihood from which a limit of thrust is more than the highest peak of a record with its noise."""
+
+_SMOOTH_RAD_S = 12.0
+"""Thrust is asked of motion up to here; noise of the velocity above is larger than thrust."""
+
+
+def _highest_thrust(structure: NonlinearStructure, records: Sequence[TimeData]) -> float:
+    """Highest thrust over weight of all records."""
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in structure.outputs)
+    flown = [
+        TimeHistory(values=record.outputs, sample_rate_hz=record.sample_rate_hz, start_s=0.0, channels=channels)
+        for record in records
+    ]
+    return float(max(thrust_over_weight(one, cutoff_rad_s=_SMOOTH_RAD_S).max() for one in flown))
 
 
 def _require_explained(fitted: FittedNonlinear) -> None:

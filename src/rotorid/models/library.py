@@ -122,10 +122,11 @@ def nonlinear_model_names() -> tuple[str, ...]:
     Examples
     --------
     >>> nonlinear_model_names()
-    ('drag.linear', 'drag.quadratic', 'flight.first_order')
+    ('drag.linear', 'drag.quadratic', 'flight.first_order', 'flight.first_order_limit')
     """
     folder = files("rotorid.models").joinpath(_FOLDER)
-    return tuple(sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX)))
+    written = [file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX)]
+    return tuple(sorted([*written, f"{_UNLIMITED}_limit"]))
 
 
 def nonlinear_library_text(name: str) -> str:
@@ -140,7 +141,26 @@ def nonlinear_library_text(name: str) -> str:
     if name not in names:
         error = no_such("nonlinear model", name, names)
         raise ModelError(error.came, needed=error.needed, remedy=error.remedy)
+    if name == f"{_UNLIMITED}_limit":
+        return _with_thrust_limit(nonlinear_library_text(_UNLIMITED))
     return files("rotorid.models").joinpath(_FOLDER, name + _SUFFIX).read_text(encoding="utf-8")
+
+
+_UNLIMITED = "flight.first_order"
+THRUST_LIMIT = "n_max"
+"""Highest thrust over weight; no parameter of a model without a limit."""
+
+_CLIMB = "(K_down*velocity_down_setpoint - velocity_down)"
+_AT_LIMIT = f"g*(1 - {THRUST_LIMIT}*cos(phi)*cos(theta))"
+
+
+def _with_thrust_limit(text: str) -> str:
+    """The same flight where thrust ends at a multiple of the weight: the larger of two downward accelerations."""
+    larger = f"0.5*({_CLIMB}/T_down + {_AT_LIMIT} + abs({_CLIMB}/T_down - {_AT_LIMIT}))"
+    text = text.replace("attitude controller, from", "attitude controller with limited thrust, from", 1)
+    text = text.replace(f'name = "{_UNLIMITED}"', f'name = "{_UNLIMITED}_limit"')
+    text = text.replace(f"T_down*velocity_down' = {_CLIMB[1:-1]}", f"velocity_down' = {larger}")
+    return f'{text}\n[parameters.{THRUST_LIMIT}]\nvalue = 2.0\nunit = "1"\nlower = 1.0\nupper = 100.0\n'
 
 
 def nonlinear_model(name: str) -> NonlinearStructure:
