@@ -28,13 +28,17 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.autopilot_filters import controller_filters, known_filters
 from rotorid.signal.motors import motor_limits
-from rotorid.signal.oscillations import LARGEST_LIMITED, check_oscillations
+from rotorid.signal.oscillations import check_oscillations
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import Axis, FloatArray
 
 _MOST_SATURATED = 0.02
 """Share of the time with a motor at a limit due to roll, pitch and yaw commands, above which nothing is proposed where
 it is not known that the axis is calm: the plant may be that of a limit cycle."""
+
+_MOST_BY_STICKS = 0.12
+"""The same share where the axis is known to be calm: stable flights with full sticks and a chopped throttle reach it,
+and their plants are right. More of it bends a plant, whatever did it."""
 
 _NOISE_OVER_BAND = 1.5
 
@@ -242,7 +246,7 @@ def require_room(
     """Refuse a flight that oscillates or whose motors were at their limits; a remark where that is not known.
 
     Its plant would be that of a limit cycle. Sticks, a chopped throttle and gusts take motors to their limits too: of
-    an axis that was checked and is calm, they did that up to a quarter of the time.
+    an axis that was checked and is calm, they did that up to an eighth of the time.
 
     Parameters
     ----------
@@ -254,7 +258,7 @@ def require_room(
     Raises
     ------
     InsufficientDataError
-        An axis oscillates, or a motor was at a limit for more than 2 % of the time, or 25 % where the axis is calm.
+        An axis oscillates, or a motor was at a limit for more than 2 % of the time, or 12 % where the axis is calm.
     """
     require_calm(record)
     limits = motor_limits(record)
@@ -270,9 +274,9 @@ def require_room(
         return []
     part = "the analyzed maneuvers" if own else "the flight"
     calm = _is_calm(record, axis)
-    if calm and by_loop <= LARGEST_LIMITED:
+    if calm and by_loop <= _MOST_BY_STICKS:
         return [limits.finding(warn, part, "No axis oscillates: sticks or gusts did it. Fly the new gains gently.")]
-    most = LARGEST_LIMITED if calm else _MOST_SATURATED
+    most = _MOST_BY_STICKS if calm else _MOST_SATURATED
     what = "fly 30 s with smaller sticks" if calm else "lower the gains first"
     raise InsufficientDataError(
         f"a motor was at a limit for {beyond(100.0 * limits.share, 100.0 * most)} % of {part}",
