@@ -93,7 +93,7 @@ def test_the_command_writes_plan_card_and_a_flight_of_it(tmp_path: Path, capsys:
     words = ("--limit", "tilt=6", "--duration", "40", "--band", "0.5:12", "--out", str(plan))
     run("design", "sweep", "--vehicle", "rig", *words)
     said = capsys.readouterr().out
-    assert "Predicted angle: up to " in said
+    assert "Predicted angle: ± " in said
     document = json.loads((plan / "design.json").read_text(encoding="utf-8"))
     assert document["schema"] == "rotorid.design-bench/1"
     assert document["reached_rad"] < document["limit_rad"] == pytest.approx(LIMIT_RAD)
