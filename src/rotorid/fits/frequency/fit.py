@@ -33,6 +33,7 @@ from rotorid.fitting.frequency.problem import (
 from rotorid.fitting.frequency.screening import (
     UnseenCoupling,
     is_coupling,
+    without_silent_parameters,
     without_structural_zeros,
     without_unseen_couplings,
 )
@@ -210,11 +211,12 @@ def fit_with_bounds(
 def _fit(problem: FrequencyProblem, measured: Measured, settings: IdentifySettings) -> FrequencyFit:
     """The fit of responses as they are."""
     problem, unseen = without_unseen_couplings(problem)
+    problem, silent = without_silent_parameters(problem)
     library = problem.structure.parameters
     search = searched(problem, settings)
     reduced = fit_and_drop(_from_best_minimum(problem, search))
     problem, solution = reduced.problem, reduced.solution
-    findings = (*(_fixed_at_zero(coupling) for coupling in unseen), *reduced.findings)
+    findings = (*map(_fixed_at_zero, unseen), *map(_not_flown, silent), *reduced.findings)
     steps: tuple[Step, ...] = ()
     if settings.reduce:
         reduction = reduce(problem, solution, distances=_distances(problem, solution, settings))
@@ -392,6 +394,14 @@ def _unbound(name: str, value: float, std: float) -> Finding:
         "compensate it.",
         value=value,
         std=min(std, NO_BOUND),
+    )
+
+
+def _not_flown(name: str) -> Finding:
+    return remark(
+        "dropped_parameter",
+        name,
+        f"{name} was set to zero: nothing that was flown shows it. Excite its axis too, or give --fix {name}=VALUE.",
     )
 
 

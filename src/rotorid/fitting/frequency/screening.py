@@ -131,6 +131,46 @@ def without_unseen_couplings(problem: FrequencyProblem) -> tuple[FrequencyProble
     return without_structural_zeros(problem.with_parameters(parameters))[0], unseen
 
 
+def without_silent_parameters(problem: FrequencyProblem) -> tuple[FrequencyProblem, tuple[str, ...]]:
+    """The problem without parameters that no usable response knows at all, such as damping of an axis not flown.
+
+    Three sets of generic values are tried. A parameter becomes zero where it may be; an essential one stays.
+
+    Parameters
+    ----------
+    problem
+        Without couplings that its responses cannot show.
+
+    Returns
+    -------
+    FrequencyProblem
+        With fewer free parameters, or the same problem.
+    tuple of str
+        What was held at zero.
+    """
+    parameters, used = problem.parameters, problem.used.any(axis=-1)
+    omega = problem.data.omega_rad_s[problem.used.any(axis=(0, 1))]
+    silent, drawn = np.ones(len(parameters.free), dtype=np.bool_), 0
+    rng = np.random.default_rng(0)
+    for _ in range(_DRAWS):
+        size = generic_values(parameters, rng)
+        try:
+            values = parameters.unpack(size).values
+            response, slopes = problem.structure.response_and_jacobian(values, omega, parameters.directions)
+        except (ModelError, np.linalg.LinAlgError):
+            continue
+        moved = np.abs(slopes).max(axis=-1, initial=0.0) * np.abs(size)[:, None, None]
+        silent &= ~((moved > _ZERO * _level(np.abs(response))) & used).any(axis=(1, 2))
+        drawn += 1
+    own = [parameters[name] for name, unseen in zip(parameters.free, silent, strict=True) if unseen]
+    gone = tuple(one.name for one in own if not one.essential and one.lower <= 0.0 <= one.upper)
+    if not (gone and drawn):
+        return problem, ()
+    for name in gone:
+        parameters = parameters.drop(name)
+    return without_structural_zeros(problem.with_parameters(parameters))[0], gone
+
+
 def is_coupling(parameter: Parameter) -> bool:
     """Whether a parameter is zero unless known better: zero in its structure, no time and not essential."""
     zero = parameter.value == 0.0 and parameter.lower <= 0.0 <= parameter.upper

@@ -11,7 +11,11 @@ import pytest
 from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.fit import fit_frequency
 from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
-from rotorid.fitting.frequency.screening import without_unseen_couplings
+from rotorid.fitting.frequency.screening import (
+    without_silent_parameters,
+    without_structural_zeros,
+    without_unseen_couplings,
+)
 from rotorid.models.library import library_model
 from rotorid.models.structure import LinearStructure
 
@@ -25,7 +29,8 @@ def lateral() -> LinearStructure:
 
 def posed(usable: Collection[str], structure: LinearStructure, weak: str = "") -> FrequencyProblem:
     """Responses of a symmetric vehicle, of which only some are coherent."""
-    values = {**structure.parameters.values, **SYMMETRIC, "Y_roll": 0.0}
+    own = {name: value for name, value in {**SYMMETRIC, "Y_roll": 0.0}.items() if name in structure.parameters.names}
+    values = {**structure.parameters.values, **own}
     exact = structure.response(values, OMEGA)
     noise = 1e-3 * np.random.default_rng(0).standard_normal((*exact.shape, 2)) @ np.array([1.0, 1j])
     every = [f"{output}/{source}" for output in structure.outputs for source in structure.inputs]
@@ -90,3 +95,28 @@ def test_what_a_well_known_response_shows_lets_others_be_seen() -> None:
     pairs = ["p/roll_command", "r/yaw_command", "ay/roll_command", "ay/yaw_command"]
     _, unseen = without_unseen_couplings(posed(pairs, lateral()))
     assert "N_v" not in {coupling.name for coupling in unseen}
+
+
+@pytest.mark.parametrize(
+    ("model", "pairs", "flown", "rest"),
+    [
+        ("hover.lateral", ("p/roll_command", "ay/roll_command"), "roll_command", "N_r"),
+        ("hover.longitudinal", ("q/pitch_command", "ax/pitch_command"), "pitch_command", "Z_w"),
+        ("hover.longitudinal", ("az/thrust_command",), "thrust_command", "M_q"),
+    ],
+)
+def test_damping_of_an_axis_that_was_not_flown_is_held(
+    model: str, pairs: tuple[str, ...], flown: str, rest: str
+) -> None:
+    outputs = ["p", "r", "ay"] if model == "hover.lateral" else ["q", "ax", "az"]
+    structure = library_model(model).select(outputs=outputs, inputs=[flown])
+    seen, _ = without_unseen_couplings(posed(pairs, structure))
+    problem, silent = without_silent_parameters(without_structural_zeros(seen)[0])
+    assert rest in silent
+    assert not set(silent) & set(problem.parameters.free)
+    assert without_silent_parameters(problem) == (problem, ())
+
+
+def test_no_damping_is_held_where_every_axis_was_flown() -> None:
+    problem, _ = without_unseen_couplings(posed(["p/roll_command", "r/yaw_command", "ay/roll_command"], lateral()))
+    assert without_silent_parameters(problem) == (problem, ())
