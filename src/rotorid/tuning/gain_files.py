@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import ardupilot, betaflight, px4
@@ -210,7 +211,7 @@ def _betaflight(lines: list[str], name: str) -> GainFile:
             needed="one PID profile",
             remedy="keep one profile in the file, or end it with the line 'profile 0'",
         )
-    if is_other_program(firmware) or (firmware and not firmware.lower().startswith("betaflight")):
+    if is_other_program(firmware) or (firmware and named(firmware).name != betaflight.NAME):
         raise UsageError(f"{name} is from {firmware.partition(' ')[0]}", needed="settings of Betaflight 4.0 or later")
     version = version_of(firmware.partition(")")[2] or firmware)
     if version is not None and version < betaflight.OLDEST:
