@@ -8,6 +8,7 @@ nothing is judged by guess, and nothing is sent to a vehicle.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -260,7 +261,7 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: L
     _require_same_version(gains, flown)
     _require_not_negative(gains, record, values)
     for name in _OF_VEHICLE:
-        if name in values and record.parameters.get(name, values[name]) != values[name]:
+        if name in values and not _is_same(record.parameters.get(name, values[name]), values[name]):
             raise UsageError(
                 f"{gains.name} is for another vehicle: {name} is {values[name]:g}, and {record.parameters[name]:g} in "
                 f"{where}",
@@ -378,7 +379,11 @@ def judge_axis(
         verdict=verdict,
         judged=scores,
         flown=before,
-        parameters={name: (before_names.get(name, after), after) for name, after in after_names.items()},
+        parameters={
+            name: (before, before if _is_same(before, after) else after)
+            for name, after in after_names.items()
+            for before in (before_names.get(name, after),)
+        },
         noise=of_command,
         lower=_lower(known.plant, controller, parts, own, gain_range) if advise and verdict == "do_not_fly" else {},
         reasons=doubts,
@@ -449,7 +454,7 @@ def _require_ranges(flown: AxisController, controller: AxisController) -> list[F
     parameters: list[Parameter] = [*parameters_of(controller).values(), *ahead_of(controller)]
     for parameter in parameters:
         value = controller.gains.get(parameter.name)
-        if value is None or value == flown.gains.get(parameter.name):
+        if value is None or _is_same(value, flown.gains.get(parameter.name, math.nan)):
             continue
         if parameter.low * (1.0 - _SAME) <= value <= parameter.high * (1.0 + _SAME):
             continue
@@ -465,16 +470,21 @@ def _require_ranges(flown: AxisController, controller: AxisController) -> list[F
     return [warn("gains_out_of_range", controller.axis, message)]
 
 
+def _is_same(value: float, other: float) -> bool:
+    """Whether two values of a parameter differ by their digits only: a log has 32 bits of it."""
+    return math.isclose(value, other, rel_tol=_SAME, abs_tol=_SAME)
+
+
 def _doubts(flown: LoggedLoop, record: FlightRecord, then: FlightRecord, values: Mapping[str, float]) -> Iterator[str]:
     """What the file changes and no flight shows, as sentences."""
     for name in _OF_PLANT:
-        if name in values and name in record.parameters and values[name] != record.parameters[name]:
+        if name in values and not _is_same(values[name], record.parameters.get(name, values[name])):
             yield (
                 f"{name} changes from {record.parameters[name]:g} to {values[name]:g}, which changes the vehicle "
                 "itself: fly with it, then judge the gains."
             )
     for name in MOVING_GYRO:
-        if values.get(name, 0.0) > 0.0 and values[name] != record.parameters.get(name, 0.0):
+        if values.get(name, 0.0) > 0.0 and not _is_same(values[name], record.parameters.get(name, 0.0)):
             yield f"{name} follows the throttle, which is not modeled."
     source = flown.source
     before = _unknown_filters(record, source)

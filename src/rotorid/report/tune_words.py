@@ -18,7 +18,6 @@ from rotorid.documents.tune import (
     PathStepDocument,
     TuneDocument,
 )
-from rotorid.documents.verdict import VerdictDocument
 from rotorid.models.autopilots.gains import letter_of
 from rotorid.plot.curves import Frequency
 from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
@@ -97,7 +96,7 @@ def verdict_sentence(axis: Axis, found: AxisJudgedDocument) -> str:
     return " ".join(words)
 
 
-def _because(found: VerdictDocument) -> str:
+def _because(found: AxisJudgedDocument) -> str:
     """Why, as the end of a sentence: the peak that decides, and the plant that has it."""
     plant = found.breaking
     if plant is None:
@@ -105,7 +104,8 @@ def _because(found: VerdictDocument) -> str:
     loop = "loop with angle loop" if plant.loop == "whole" else "rate loop"
     at = f"{plant.omega_rad_s / (2.0 * math.pi):.1f} Hz"
     if found.noisy:
-        return ", because they make the motor commands too noisy"
+        share = "" if found.noise is None else f" ({100.0 * found.noise:.0f} % of their range)"
+        return f": noise in the motor commands is {found.noise_ratio or 1.0:.1f} times today's{share}"
     if found.verdict == "not_enough_data":
         if found.known_to_rad_s:
             end = found.known_to_rad_s / (2.0 * math.pi)

@@ -249,7 +249,7 @@ def _setting(name: str, text: str, where: str) -> float | None:
 
 
 _LOOP = re.compile(
-    r"[pidf]_(?:roll|pitch|yaw|level)|d_(?:min|max)_(?:roll|pitch|yaw)|angle_(?:p_gain|level_strength)|tpa_\w+|"
+    r"[pidf]_(?:roll|pitch|yaw|level)|d_(?:min|max)_(?:roll|pitch|yaw)|angle_(?:p_gain|level_strength)|tpa_(?:rate|breakpoint|mode)|"
     r"(?:gyro|dterm)_\w*(?:hz|cutoff|type|expo)\w*|yaw_lowpass_hz|dyn_lpf_\w+|pid_process_denom|looptime|thrust_linear"
 )
 

@@ -140,6 +140,8 @@ def test_what_changes_the_vehicle_itself_is_not_called_safe() -> None:
     roll = judge("MC_ROLLRATE_P,0.12\nTHR_MDL_FAC,0.8").axes["roll"]
     assert (roll.found.verdict, roll.verdict) == ("fly", "not_enough_data")
     assert "THR_MDL_FAC changes from 0.3 to 0.8" in roll.reasons[0]
+    rounded = log({**PX4, "THR_MDL_FAC": float(np.float32(0.3))})
+    assert judge("MC_ROLLRATE_P,0.12\nTHR_MDL_FAC,0.3", record=rounded).axes["roll"].verdict == "fly"
 
 
 def test_other_loops_are_left_out_by_name() -> None:

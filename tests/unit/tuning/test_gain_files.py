@@ -17,6 +17,7 @@ profile 0
 set p_roll = 45
 set d_roll = 40
 set iterm_relax = RP
+set tpa_curve_type = CLASSIC
 profile 1
 set p_roll = 30
 set d_roll = 20
