@@ -461,12 +461,22 @@ def motor_excitations(record: FlightRecord) -> tuple[str, ...]:
 def _by_single_motors(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     """Excitations in which single motors were moved, as on a rig; each counts to the axis that turns most meanwhile.
 
-    Of a bench without test inputs of their own, what drives the motors shows its sweeps, with feedback on top.
+    Of a bench without test inputs of their own, what drives the motors shows its sweeps, with feedback on top. While
+    one motor is swept, feedback moves the others too, but what turns follows slowly: the sweep that reaches the highest
+    frequency counts.
     """
+    inputs = motor_excitations(record)
+    moved = [
+        maneuver
+        for name in inputs or (driven_motors(record) if is_bench(record) else ())
+        for maneuver in _purposeful(record, axis, [name])
+        if _turns_most(record, maneuver) == axis
+    ]
+    if not inputs:
+        moved.sort(key=lambda maneuver: -(maneuver.band_rad_s or (0.0, 0.0))[1])
     found: list[Maneuver] = []
-    for name in motor_excitations(record) or (driven_motors(record) if is_bench(record) else ()):
-        moved = (m for m in _purposeful(record, axis, [name]) if _turns_most(record, m) == axis)
-        found += [m for m in moved if not _any_shared(m, found)]
+    for maneuver in moved:
+        found += [] if _any_shared(maneuver, found) else [maneuver]
     return tuple(sorted(found, key=lambda maneuver: maneuver.start_s))
 
 

@@ -45,6 +45,19 @@ def test_sweeps_of_a_pair_are_found_in_any_unit(unit: str, rest: float, size: fl
     assert not find_excitations(record, "pitch")
 
 
+def test_a_sweep_counts_to_the_motor_that_was_swept_not_to_the_one_that_answers_it() -> None:
+    # What answers the sweep of motor 4 by feedback follows it slowly: it fades with the frequency.
+    frequency = 0.5 + 0.2 * TIME_S
+    answer = 0.5 * SWEEP / (1.0 + (frequency / 3.0) ** 4)
+    record = log(
+        {"motor_3": 6.0 + answer, "motor_4": 6.0 + 0.6 * SWEEP, "phi": ANGLE},
+        dict.fromkeys(("motor_3", "motor_4"), "V"),
+    )
+    (found,) = rich_excitations(record, "roll")
+    assert found.signal == "motor_4"
+    assert found.duration_s > 50.0
+
+
 @pytest.mark.parametrize(("unit", "rest", "size"), [("V", 6.0, 0.01), ("us", 1500.0, 2.0), ("rad/s", 600.0, 1.0)])
 def test_what_is_as_small_as_noise_is_no_sweep(unit: str, rest: float, size: float) -> None:
     assert not find_excitations(driven(unit, rest, size), "roll")
