@@ -18,6 +18,7 @@ from rotorid.documents.base import to_json
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.plot.paper import bode_figure
+from rotorid.signal.excitations import find_excitations
 from rotorid.vehicles import rig
 
 MAP = """clock = "t"
@@ -133,3 +134,50 @@ def test_a_fit_in_time_says_that_delays_are_taken_as_equal() -> None:
         [one_voltage(1)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]}, method="output_error"
     )
     assert any("does not widen the intervals" in finding.message for finding in model.findings)
+
+
+RIG = {"L": 0.22, "J_x": 0.031, "K_f": 0.085, "tau_3": 0.12, "tau_4": 0.09}
+
+
+def held_by_both(folder: Path, seed: int) -> FlightRecord:
+    """A rig of one's own in voltages alone: motors 3 and 4 are swept in turn, and both hold the angle all the time."""
+    rng = np.random.default_rng(seed)
+    step_s, length_s = 0.002, 60.0
+    time_s = step_s * np.arange(int(150.0 / step_s))
+    since_s = step_s * np.arange(int(length_s / step_s))
+    omega = 0.5 + 9.5 * 0.0187 * np.expm1(4.0 * since_s / length_s)
+    fades = np.minimum(1.0, np.minimum(since_s / 4.0, (length_s - since_s) / 2.0))
+    swept = np.zeros((2, time_s.size))
+    for motor, start_s in enumerate((8.0, 76.0)):
+        first = round(start_s / step_s)
+        swept[motor, first : first + since_s.size] = 0.9 * fades * np.sin(step_s * np.cumsum(omega))
+    late = [round(RIG[name] / step_s) for name in ("tau_3", "tau_4")]
+    pushes = 0.001 * np.sqrt(2.0 * step_s) * rng.standard_normal(time_s.size)
+    volts, angle = [swept[0].tolist(), swept[1].tolist()], np.zeros(time_s.size)
+    phi, rate, push, hold = 0.02, 0.0, 0.0, 0.0
+    for k in range(time_s.size):
+        hold = 1.2 * phi + 1.3 * rate if k % 5 == 0 else hold
+        volts[0][k] -= hold
+        volts[1][k] += hold
+        thrust = (volts[0][k - late[0]] if k >= late[0] else 0.0) - (volts[1][k - late[1]] if k >= late[1] else 0.0)
+        push += pushes[k] - step_s * push
+        rate += step_s * (RIG["L"] * RIG["K_f"] * thrust + push) / RIG["J_x"]
+        phi += step_s * rate
+        angle[k] = phi
+    degrees = 0.044 * np.round(np.degrees(angle[::5]) / 0.044) + 0.02 * rng.standard_normal(angle[::5].size)
+    rows = np.column_stack([time_s[::5], *(5.5 + np.array(volts)[:, ::5]), degrees])
+    np.savetxt(folder / "rig.csv", rows, delimiter=",", header="t,U3,U4,angle", comments="", fmt="%.5f")
+    (folder / "rig.toml").write_text(MAP.format(unit="V"), encoding="utf-8")
+    return rotorid.read(folder / "rig.csv", mapping=folder / "rig.toml")
+
+
+def test_a_rig_that_both_motors_hold_shows_which_one_was_swept(tmp_path: Path) -> None:
+    record = held_by_both(tmp_path, 2)
+    assert [found.signal for found in find_excitations(record, "roll")] == ["motor_3", "motor_4"]
+    model = rotorid.identify([record], "rig.roll", outputs=("phi",), fix={"J_x": RIG["J_x"], "L": RIG["L"]})
+    assert model.fit.cost is not None
+    assert model.fit.cost.average < 5.0
+    assert not {finding.kind for finding in model.findings} & {"structure_error", "poor_fit"}
+    for name in ("K_f", "tau_3", "tau_4"):
+        found = model.parameters[name]
+        assert abs(found.value - RIG[name]) < 2.0 * found.std < 0.1 * RIG[name], name

@@ -3,7 +3,7 @@ r"""What windows add to measured responses, found with a model and taken out.
 A window cuts a motion off, and what the input did before still sounds in it. Of a vehicle that forgets within a window
 the estimate takes this out by itself (:mod:`rotorid.spectral.conditioning`), to second order. An angle on two
 integrators never forgets: below some ten periods in a window its response stays 15 to 20 % off, alike in every flight,
-and a smooth model error would take that for dynamics that the structure lacks.
+and a smooth model error would take that for dynamics that the structure lacks. Such responses are always measured anew.
 
 A model knows what the windows saw. Its response :math:`T` to the *logged* inputs is taken off the outputs, what is left
 is measured by the same windows, grid and instruments, and :math:`T` is added again:
@@ -55,6 +55,10 @@ measured anew. Responses of an angle on two integrators have 0.7 to 8, of others
 _MISTAKEN = 2.0 * SMALLEST_MODEL_ERROR
 """What is left, as a relative error, and a model error that was found, above both of which windows may have made it."""
 
+_TWO_INTEGRATORS = 2.0**1.5
+"""Growth of a response over an octave below the lowest line of all windows from which two integrators stand in it: one
+makes 2, two make 4."""
+
 _DECAYS = np.linspace(5.0, 12.0, 15)
 """Decays of the weight of a transform over a record, of which the one farthest from all poles is taken."""
 
@@ -83,6 +87,24 @@ def windows_matter(measured: Measured, used: BoolArray, model_errors: Mapping[st
     return bool((mistaken | (hidden > _LARGEST_REST)).any())
 
 
+def never_forgets(system: StateSpace, window_s: float) -> BoolArray:
+    """Which responses of a model sum up their input twice, as an angle does a torque, shape ``(y, u)``.
+
+    What the estimate took out says little of them: its slopes hold the error that they should show, and where a sweep
+    ends, motions of its beginning are larger than what it moves there.
+
+    Parameters
+    ----------
+    system
+        The model.
+    window_s
+        Length of the longest window.
+    """
+    line_rad_s = 0.1 / window_s
+    size = np.abs(system.response(np.array([line_rad_s, 2.0 * line_rad_s])))
+    return np.asarray(size[..., 0] > _TWO_INTEGRATORS * size[..., 1])
+
+
 def measured_with_model(
     problem: FrequencyProblem,
     parameters: ParameterSet,
@@ -104,12 +126,15 @@ def measured_with_model(
         With which they were measured.
     """
     sizes = limits.model_error.sizes if limits.model_error else {}
-    if measured.unfiltered or not measured.measurements or not windows_matter(measured, problem.used, sizes):
+    if measured.unfiltered or not measured.measurements:
         return None
     structure, data = problem.structure.condensed(parameters), problem.data
     modeled = {name for name, used in zip(data.outputs, problem.used, strict=True) if used.any()}
     try:
         system = structure.matrices(parameters.values)
+        lasting = never_forgets(system, max(data.windows_s))[problem.used.any(axis=-1)].any()
+        if not lasting and not windows_matter(measured, problem.used, sizes):
+            return None
         parts = [_remeasured(one, system, data, modeled, settings) for one in measured.measurements]
     except ModelError:
         return None
