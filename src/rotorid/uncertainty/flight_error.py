@@ -470,8 +470,11 @@ def _band_stds(fit: FlightFit) -> dict[str, float]:
         return lag
     variances: dict[str, list[float]] = {}
     for alone in fit.moments.alone:
+        late = 0.0
         for chain in alone.chains:
-            for name, variance in _variances(chain).items():
+            own = _variances(chain, late)
+            late = own.get("tau_gyro", 0.0)
+            for name, variance in own.items():
                 variances.setdefault(name, []).append(variance)
     stds = {name: float(np.sqrt(sum(each)) / len(each)) for name, each in variances.items()}
     inertia = fit.values.get("I_zz", 0.0)
@@ -485,9 +488,22 @@ def _band_stds(fit: FlightFit) -> dict[str, float]:
     return found
 
 
-def _variances(chain: MotorFit) -> dict[str, float]:
-    """Variance of each number of a fit of some axes, by blocks of time or by bands of frequency, the larger."""
+def _variances(chain: MotorFit, late_s2: float = 0.0) -> dict[str, float]:
+    """Variance of each number of a fit of some axes, by blocks of time or by bands of frequency, the larger.
+
+    Parameters
+    ----------
+    late_s2
+        Variance of the delay of the gyro, where the fit holds it.
+    """
     rate_hz = chain.problem.records[0].sample_rate_hz
     parts = [part._replace(sample_rate_hz=rate_hz) for part in chain.parts()]
     found = np.maximum(by_blocks(parts).diagonal(), by_bands(parts).diagonal())
+    if late_s2 and chain.problem.parameters["tau_gyro"].status == "fixed":
+        freed = chain.parameters.free_again("tau_gyro")
+        every = replace(chain.problem, parameters=freed).parts(freed.pack())
+        names = [*chain.moving, "tau_gyro"]
+        places = [freed.free.index(name) for name in names]
+        parts = [part._replace(slopes=part.slopes[..., places]) for part in every]
+        found = found + _by_held(parts, [*range(len(names) - 1)])[:-1, -1] ** 2 * late_s2
     return dict(zip(chain.moving, found.tolist(), strict=True))

@@ -11,7 +11,8 @@ of 0.8 at 8 Hz in agile flights). So
   :math:`\dot p = M / I_{xx} - q r`, :math:`\dot q = M / I_{yy} + p r`, which are taken out before.
 - **moments of the air** are what motors and inertia leave at all frequencies, linear in their coefficients. They are on
   the left-hand side of the loop together with the motors, whose answer is known, so that a regression on motion finds
-  them. They enter only if they lower the error of data that were not fitted, and of no flight raise it.
+  them. They enter only if they lower the error of data that were not fitted, and of no flight raise it; of a single
+  flight, by more than twice what its blocks say of that gain's error.
 
 The *predictor* frees everything over all frequencies. It predicts flights under the same controller better, is another
 vehicle than that which flew, and is kept apart.
@@ -86,7 +87,10 @@ _FITTED_HZ = 150.0
 _COMPARED_HZ = 75.0
 _SAMPLES_A_CYCLE, _YAW_HZ = 8.0, 7.5
 _EARLIEST_S = -0.02
-_FOLDS = 3
+_FOLDS, _BLOCKS = 3, 5
+_SHOWN = 2.0
+"""Errors of a gain, by its blocks, from which it is one."""
+
 _ROUNDS = 2
 
 
@@ -299,10 +303,11 @@ def fit_moments(
     ]
     least_m_s = LEAST_ADVANCE * hover_thrust(values, airframe).induced_m_s
     slow = "" if _fastest(driven) > least_m_s else f"the flight is slower than {least_m_s:.2g} m/s"
-    if "k_d" not in force:
-        slow = slow or "rotor drag is not known, whose moment looks alike"
+    # Drag at the hubs turns a vehicle that flies, and damps one that yaws.
+    alike = "" if "k_d" in force else "rotor drag is not known, whose moment looks alike"
+    hidden = {name: why for name, why in {"m_f": slow or alike, "z_cg": slow or alike, "k_r": alike}.items() if why}
     if axes:
-        air, ladder = _climbed(rows, axes, choices, missing, slow=slow)
+        air, ladder = _climbed(rows, axes, choices, missing, hidden)
     left = [_rest(row, tuple(air), np.array(list(air.values()))) for row in rows]
     unknown = [place for place in range(3) if place not in axes]
     sizes = np.array([np.sqrt(np.mean(one**2, axis=1)) for one in left])
@@ -559,7 +564,9 @@ def _in_band(
             values |= {name: tilting.parameters[name].value for name in free}
     flat = {"I_zz": values["I_xx"] + values["I_yy"]} if {"I_xx", "I_yy"} <= values.keys() else {}
     by_speed = prepared(moved.speeds, flat | values)
-    yawing = _chain(by_speed, levers, ("r",), "quadratic", mass | {"c_2": full_thrust(force)})
+    # One gyro on one clock: yaw alone hardly shows how late it is, and takes that from the torque.
+    late = {"tau_gyro": tilting.parameters["tau_gyro"].value} if tilting is not None else {}
+    yawing = _chain(by_speed, levers, ("r",), "quadratic", mass | {"c_2": full_thrust(force)} | late)
     chains = tuple(chain for chain in (tilting, yawing) if chain is not None)
     found: dict[str, float] = {}
     stds: dict[str, float] = {}
@@ -732,16 +739,33 @@ def _folds(rows: Sequence[_Rows]) -> list[tuple[list[_Rows], _Rows]]:
 
 
 def _judged(rows: Sequence[_Rows], names: Sequence[str], axes: Sequence[int]) -> FloatArray:
-    """Mean square of the error of moment of each part that was not fitted, N² m², by its share of the samples."""
+    """Mean square of the error of moment of each part that was not fitted, N² m², by its share of the samples.
+
+    Shape ``(parts, blocks)``, whose sum is that of all.
+    """
     squares, samples = [], sum(row.left.shape[1] for row in rows)
     for fitted, judged in _folds(rows):
         found = _solved(fitted, names, axes) if names else np.zeros(0)
-        squares.append(float((_rest(judged, names, found)[axes] ** 2).sum()) / samples)
+        left = (_rest(judged, names, found)[axes] ** 2).sum(axis=0) / samples
+        squares.append([float(block.sum()) for block in np.array_split(left, _BLOCKS)])
     return np.array(squares)
 
 
+def _gains(before: FloatArray, after: FloatArray, *, flights: int) -> bool:
+    """Whether a gain is none of the wildest flight alone, or, of one flight, beyond what its blocks differ by."""
+    if flights > 1:
+        return bool(np.all(after.sum(axis=1) <= before.sum(axis=1)))
+    gain = (before - after).ravel()
+    shown = float(gain.mean()) > _SHOWN * float(gain.std(ddof=1)) / np.sqrt(gain.size)
+    return shown and bool(np.all(after.sum(axis=1) <= before.sum(axis=1)))
+
+
 def _climbed(
-    rows: Sequence[_Rows], axes: Sequence[int], choices: MomentChoices, missing: dict[str, str], slow: str
+    rows: Sequence[_Rows],
+    axes: Sequence[int],
+    choices: MomentChoices,
+    missing: dict[str, str],
+    hidden: Mapping[str, str],
 ) -> tuple[dict[str, float], tuple[MomentRung, ...]]:
     """Moments of the air that make data better which were not fitted, and what was tried."""
     known = {name: choices.known[name] for name in AIR_TERMS if name in choices.known}
@@ -754,8 +778,8 @@ def _climbed(
         tried = [name for name in terms if name not in known and (choices.terms is None or name in choices.terms)]
         if not tried or not any(_acts(rows, name, axes) for name in tried):
             continue
-        if slow and {"m_f", "z_cg"} & set(tried):
-            missing |= {"m_f": slow} if "m_f" in tried else {}
+        if hidden.keys() & set(tried):
+            missing |= {name: hidden[name] for name in tried if name != "z_cg"}
             continue
         if "m_fx" in tried and "m_f" not in {*names, *known}:
             continue
@@ -765,8 +789,7 @@ def _climbed(
             continue
         after = _judged(rows, [*names, *tried], axes)
         rms, rms_after = float(np.sqrt(before.sum())), float(np.sqrt(after.sum()))
-        # A gain of the wildest flight alone is none of the vehicle.
-        entered = rms_after < (1.0 - choices.least_gain) * rms and bool(np.all(after <= before))
+        entered = rms_after < (1.0 - choices.least_gain) * rms and _gains(before, after, flights=len(rows))
         fewer = [*names, *tried]
         if entered and "z_cg" in tried:
             fewer = _without_superfluous(rows, fewer, axes, choices.least_gain)

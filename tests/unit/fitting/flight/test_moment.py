@@ -11,7 +11,7 @@ from tests.unit.fitting.flight.made_up import FRAME, TRUTH, made_up_flight
 from rotorid.data.record import MotorRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.flight.fit import FlightChoices, fit_flight
-from rotorid.fitting.flight.moment import MomentChoices, MomentFit, fit_moments, moment_error
+from rotorid.fitting.flight.moment import MomentChoices, MomentFit, _gains, fit_moments, moment_error
 from rotorid.fitting.flight.motion import motion
 from rotorid.models.flight import FORCE_TERMS
 
@@ -124,6 +124,33 @@ def test_slow_flight_has_no_hub_moment() -> None:
     fit = fit_moments([slow], FRAME, [motion(slow)], FORCE, MomentChoices(known={"I_zz": TRUTH["I_zz"]}))
     assert "m_f" not in fit.values
     assert "slower than 2.9 m/s" in fit.missing["m_f"]
+
+
+def test_yaw_is_as_late_as_roll_and_pitch(fitted: MomentFit) -> None:
+    for alone in fitted.alone:
+        tilting, yawing = alone.chains
+        held = yawing.parameters["tau_gyro"]
+        assert held.status == "fixed"
+        assert held.value == tilting.parameters["tau_gyro"].value
+
+
+def test_unknown_drag_of_the_hubs_is_no_yaw_damping() -> None:
+    """It damps yaw by its share at the arms."""
+    thrust = {name: value for name, value in FORCE.items() if name != "k_d"}
+    flight = made_up_flight(1, gusts_nm=0.003, seconds=10.0, truth={**TRUTH, "k_d": 1e-9})
+    choices = MomentChoices(known={"I_zz": TRUTH["I_zz"]}, terms=("k_r",))
+    fit = fit_moments([flight], FRAME, [motion(flight)], thrust, choices)
+    assert "k_r" not in fit.values
+    assert fit.missing["k_r"] == "rotor drag is not known, whose moment looks alike"
+
+
+def test_a_gain_of_some_blocks_is_none() -> None:
+    before = np.ones((3, 5))
+    assert _gains(before, before - 0.1, flights=1)
+    lucky = before.copy()
+    lucky[:, 0] -= 0.5
+    assert not _gains(before, lucky, flights=1)
+    assert _gains(before, lucky, flights=3)
 
 
 def test_seconds_of_flight_and_motors_that_stand_still_are_no_data(flights: list[MotorRecord]) -> None:
