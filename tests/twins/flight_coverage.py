@@ -160,10 +160,13 @@ class Cell(NamedTuple):
 
 
 def cell(rows: Sequence[Judged]) -> Cell:
-    """Some numbers together; random errors without hover, which has none, and without thrust that is tied."""
+    """Some numbers together; random errors without hover, which has none, and without thrust that is tied.
+
+    Slow flights tie inflow to thrust, as usual: that is no random error of ``c_2``, nor of ``kappa`` over it.
+    """
     errors = np.array([row.value - row.truth for row in rows])
     stds = np.array([row.std for row in rows])
-    noisy = [row for row in rows if row.random and not (row.missions == "slow" and row.name == "c_2")]
+    noisy = [row for row in rows if row.random and not (row.missions == "slow" and row.name in ("c_2", "kappa"))]
     left = np.array([row.value - row.truth for row in noisy])
     random = np.array([row.random for row in noisy])
     size = np.array([abs(row.truth or row.value) for row in noisy])
