@@ -205,6 +205,11 @@ def judge_gains(
             findings += _require_ranges(one.flown.controller, then)
             axes[axis] = judge_axis(axis, one, values, gain_range=gain_range)
     unknown = {axis: str(why) for axis, why in refused.items() if axis in wanted}
+    if not axes and not unknown:
+        raise UsageError(
+            f"{gains.name} contains no gains of {' or '.join((*known, *refused))}",
+            needed=f"gains of an axis to judge; these are of {' and '.join(wanted)}",
+        )
     return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
 
 

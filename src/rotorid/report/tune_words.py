@@ -121,7 +121,7 @@ def _because(found: AxisJudgedDocument) -> str:
         return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); above {REFUSED_PEAK:g} is too much"
     if found.verdict == "gently":
         return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); up to {SAFE_PEAK:g} is fine"
-    return f": M_s stays below {plant.sensitivity_peak:.1f} on 95 % of the likely vehicles"
+    return f": M_s stays below {plant.sensitivity_peak:.2f} on 95 % of the likely vehicles"
 
 
 def _share(share: float) -> str:

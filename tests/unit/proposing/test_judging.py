@@ -160,6 +160,7 @@ def test_other_loops_are_left_out_by_name() -> None:
         ("MPC_XY_P,0.9", "no gain and no filter"),
         ("MC_DTERM_CUTOFF,30", "no parameter MC_DTERM_CUTOFF"),
         ("P=0.1 X=3", "cannot be read"),
+        ("MC_PITCHRATE_P,0.1", "no gains of roll; expected gains of an axis to judge; these are of pitch"),
     ],
 )
 def test_what_is_not_for_this_vehicle_is_refused(text: str, words: str) -> None:
