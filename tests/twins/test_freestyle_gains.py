@@ -1,7 +1,7 @@
 """Gains from flights by stick with chopped throttle: limits that sticks and chops make are no limit cycle.
 
 Flown are full sticks and a throttle that is cut and pushed every few seconds, in gusts: motors are at a limit for up
-to an eighth of the time, by roll, pitch and yaw commands for up to 10 %. No axis oscillates, and the plant by stick is
+to a fifth of the time, by roll, pitch and yaw commands for up to 12 %. No axis oscillates, and the plant by stick is
 the vehicle's own, so that gains are proposed from it and hold on the exact plant.
 """
 
