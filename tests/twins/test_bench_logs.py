@@ -66,6 +66,18 @@ def test_inertia_follows_where_the_gain_is_known(tmp_path: Path) -> None:
     assert (found.unit, abs(found.value - rig.TRUTH["J_x"]) < 2.0 * found.std) == ("kg m^2", True)
 
 
+def test_an_arm_that_was_not_given_is_said(tmp_path: Path) -> None:
+    record = logged(tmp_path, "V")
+    said = {}
+    for given in ({"J_x": rig.TRUTH["J_x"]}, {"J_x": rig.TRUTH["J_x"], "L": 0.197}):
+        model = rotorid.identify([record], "rig.roll", outputs=("phi",), fix=given)
+        said[len(given)] = [finding for finding in model.findings if finding.kind == "assumed_geometry"]
+    (finding,) = said[1]
+    assert "L = 0.197 m was assumed" in finding.message
+    assert "--fix L=VALUE" in finding.message
+    assert not said[2]
+
+
 def test_motors_in_two_units_fit_no_model(tmp_path: Path) -> None:
     logged(tmp_path, "V")
     mixed = MAP.format(unit="V").replace("U4 [V]", "U4 [rpm]")

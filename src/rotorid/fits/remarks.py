@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -27,8 +27,10 @@ from rotorid.fitting.frequency.problem import (
 )
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.measure import Measured
-from rotorid.models.library import MOTOR_LAG
+from rotorid.models.families import RIG, family_of
+from rotorid.models.library import MOTOR_LAG, library_model, model_names
 from rotorid.models.parameter import ParameterSet
+from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.identifiability import Combination
@@ -122,6 +124,32 @@ def _one_lag_and_delay(parameters: ParameterSet, bounds: Bounds, delay: str) -> 
         sum_s=together,
         std_s=std,
         correlation=correlation,
+    )
+
+
+def judge_assumed(structure: LinearStructure, given: Collection[str]) -> tuple[Finding, ...]:
+    """A warning for each length of a rig that nobody gave: the gains of its rotors are torque over that length.
+
+    Parameters
+    ----------
+    structure
+        The model.
+    given
+        Names of parameters that the user gave.
+    """
+    if family_of(structure) is not RIG or structure.name not in model_names():
+        return ()
+    library = library_model(structure.name).parameters
+    return tuple(
+        warn(
+            "assumed_geometry",
+            item.name,
+            f"{item.name} = {item.value:g} {item.unit} was assumed; thrust gains and inertias depend on it. Measure "
+            f"from pivot to rotor and give --fix {item.name}=VALUE.",
+            assumed_m=item.value,
+        )
+        for item in structure.parameters
+        if item.unit == "m" and item.name not in given and item.status == "fixed" and item == library[item.name]
     )
 
 

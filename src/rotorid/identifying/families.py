@@ -20,7 +20,7 @@ from rotorid.identifying.motor_speed import MotorSpeeds
 from rotorid.identifying.motors import Motors
 from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
 from rotorid.models.derived import require_useful
-from rotorid.models.families import FLIGHT, HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, family_of
+from rotorid.models.families import FLIGHT, HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, RIG, family_of
 from rotorid.models.input_units import in_logged_units
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.structure import LinearStructure
@@ -149,6 +149,13 @@ LINEAR = Fitting(
 )
 
 FITTINGS: Mapping[str, Fitting] = {
+    RIG.name: replace(
+        LINEAR,
+        no_choice=_Refusal(
+            "{wrong} does not apply to {name}",
+            remedy="leave it out, and give the distance from pivot to rotor with --fix L=VALUE",
+        ),
+    ),
     HOVER.name: replace(
         LINEAR, method=_hover, choices=tuple(name for name in _ALL if name not in ("curve", *_OF_FLIGHT))
     ),

@@ -31,7 +31,7 @@ from rotorid.fits.frequency.refusals import fit_or_refuse
 from rotorid.fits.frequency.scatter_between_flights import with_scatter
 from rotorid.fits.frequency.speed_damping import first_step, without_first
 from rotorid.fits.frequency.trim_choice import best_trim
-from rotorid.fits.remarks import judge_combinations
+from rotorid.fits.remarks import judge_assumed, judge_combinations
 from rotorid.fits.searching import judge_minima, refuse_search, search_summary, searched_minima
 from rotorid.fits.time.feedback import following, judge_following
 from rotorid.fits.time.fit import TimeFit, TimeMethod, fit_in_time, simulated_records
@@ -416,10 +416,11 @@ class Frequency(_Linear[ResponseData]):
             covered=covered_by(data.flights),
         )
 
-    def remarks(self, data: ResponseData, fitted: FrequencyFit, report: FitReport) -> Sequence[Finding]:  # noqa: ARG002 - as all methods
+    def remarks(self, data: ResponseData, fitted: FrequencyFit, report: FitReport) -> Sequence[Finding]:
         """On data, fit and parameters."""
         again = fitted.bootstrap.findings if fitted.bootstrap else ()
-        return (*fitted.findings, *judge_combinations(report.combinations), *again)
+        assumed = judge_assumed(fitted.problem.structure, data.settings.fix)
+        return (*fitted.findings, *judge_combinations(report.combinations), *assumed, *again)
 
 
 def judging(settings: IdentifySettings) -> VerifySettings:
@@ -610,6 +611,7 @@ class InTime(_Linear[TimeDomainData]):
             *(_feedback(fitted, data.records) if self.kind == "output_error" else ()),
             *_not_compared(data),
             *judge_combinations(report.combinations),
+            *judge_assumed(fitted.structure, data.settings.fix),
         )
 
     def _data(self, data: TimeDomainData, fitted: TimeFit) -> FittedData:

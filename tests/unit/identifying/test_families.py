@@ -50,6 +50,7 @@ def test_a_structure_of_a_family_that_waits_for_logs_is_fitted_as_it_is() -> Non
 def test_each_family_says_what_it_does_not_take() -> None:
     for model, said in (
         ("rate.roll", "--arm does not apply to rate.roll; leave it out, or use physical.motors"),
+        ("rig.roll", "--arm does not apply to rig.roll; leave it out, and give .* with --fix L=VALUE"),
         ("drag.linear", "--arm does not apply to drag.linear, a nonlinear model"),
     ):
         with pytest.raises(UsageError, match=said):
