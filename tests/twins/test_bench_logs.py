@@ -17,7 +17,9 @@ from rotorid.data.record import FlightRecord
 from rotorid.documents.base import to_json
 from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
+from rotorid.flying.flown_models import fly_log
 from rotorid.plot.paper import bode_figure
+from rotorid.results.model import IdentifiedModel
 from rotorid.signal.excitations import find_excitations
 from rotorid.vehicles import rig
 
@@ -183,13 +185,30 @@ def held_by_both(folder: Path, seed: int) -> FlightRecord:
     return rotorid.read(folder / "rig.csv", mapping=folder / "rig.toml")
 
 
-def test_a_rig_that_both_motors_hold_shows_which_one_was_swept(tmp_path: Path) -> None:
-    record = held_by_both(tmp_path, 2)
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightRecord, IdentifiedModel]:
+    record = held_by_both(tmp_path_factory.mktemp("rig"), 2)
+    given = {"J_x": RIG["J_x"], "L": RIG["L"]}
+    return record, rotorid.identify([record], "rig.roll", outputs=("phi",), fix=given)
+
+
+def test_a_rig_that_both_motors_hold_shows_which_one_was_swept(held: tuple[FlightRecord, IdentifiedModel]) -> None:
+    record, model = held
     assert [found.signal for found in find_excitations(record, "roll")] == ["motor_3", "motor_4"]
-    model = rotorid.identify([record], "rig.roll", outputs=("phi",), fix={"J_x": RIG["J_x"], "L": RIG["L"]})
     assert model.fit.cost is not None
     assert model.fit.cost.average < 5.0
     assert not {finding.kind for finding in model.findings} & {"structure_error", "poor_fit"}
     for name in ("K_f", "tau_3", "tau_4"):
         found = model.parameters[name]
         assert abs(found.value - RIG[name]) < 2.0 * found.std < 0.1 * RIG[name], name
+
+
+def test_an_angle_that_drifts_off_is_no_fault_of_the_model(held: tuple[FlightRecord, IdentifiedModel]) -> None:
+    record, model = held
+    whole, pieces = fly_log(model, record), fly_log(model, record, pieces_s=10.0)
+    (said,) = [finding for finding in whole.findings if finding.kind == "open_loop_diverges"]
+    assert said.numbers["fit_percent"] < 0.0
+    assert said.numbers["fit_in_band_percent"] > 70.0
+    assert "--pieces SECONDS" in said.message
+    assert pieces.stretches[0].scores["phi"].nrmse_fit_percent > 30.0
+    assert "open_loop_diverges" not in {finding.kind for finding in pieces.findings}

@@ -27,9 +27,11 @@ import numpy as np
 from rotorid.checking.candidate import candidate_model
 from rotorid.checking.predictions import Simulation, between, not_moved
 from rotorid.checking.predictors import predictor_of
+from rotorid.checking.scores import common_band, score_flights
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, refusal, remark, warn, worst_first
 from rotorid.data.flight_plan import FlightPlan
+from rotorid.data.quantity import minus
 from rotorid.data.record import STANDARD_UNITS, FlightRecord, Maneuver
 from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.flights.flights import Flight
@@ -47,9 +49,11 @@ from rotorid.planning.responses import SETPOINTS, setpoint_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, bounds_of, parameter_estimates
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.flying import FlySettings
+from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, colored_of
+from rotorid.verification.scores import GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -209,7 +213,7 @@ def fly_log(
             continue
         found = [_stretch(stretch, values, draws) for stretch in simulations]
         stretches += found
-        findings += [*stretch_findings, *_unmoved(name, simulations, found)]
+        findings += [*stretch_findings, *_unmoved(name, simulations, found), *_drifting(model, record, found, settings)]
         flights += [Flight(record, stretch.maneuver) for stretch in found]
     if not stretches:
         causes = "; ".join(finding.message.rstrip(".") for finding in findings if finding.kind == "not_verified")
@@ -237,6 +241,40 @@ def _unmoved(record: str, simulations: Sequence[Simulation], flown: Sequence[Flo
     }
     still = [name for name in measured if all(name not in stretch.scores for stretch in flown)]
     return [not_moved(record, still)] if still else []
+
+
+def _drifting(
+    model: IdentifiedModel, record: FlightRecord, flown: Sequence[FlownStretch], settings: FlySettings
+) -> list[Finding]:
+    """A warning for each stretch with outputs that drift off, although the model predicts them in its own band.
+
+    Integrators sum up what is below that band: errors of trim, and what noise and gusts leave.
+    """
+    band_rad_s = common_band([model])
+    found = []
+    for stretch in flown:
+        far = [name for name, scores in stretch.scores.items() if scores.nrmse_fit_percent < 0.0]
+        if band_rad_s is None or not far or len(stretch.starts) > 1:
+            continue
+        flight, choices = Flight(record, stretch.maneuver), IdentifySettings(hold=settings.hold)
+        try:
+            (inside,) = score_flights(model.structure, [flight], choices, np.inf, band_rad_s)
+        except (InsufficientDataError, ValueError):
+            continue
+        for name in far:
+            score = inside.scores.get(name)
+            if score is None or guidelines_met(score.tic, score.nrmse_fit_percent) < GUIDELINES:
+                continue
+            fit = stretch.scores[name].nrmse_fit_percent
+            message = (
+                f"{name} drifts off in {stretch.record}: the fit is {minus(f'{fit:.0f}')} % over the whole stretch and "
+                f"{score.nrmse_fit_percent:.0f} % within the fitted band ({band_rad_s[0]:.2g} to "
+                f"{band_rad_s[1]:.3g} rad/s). The model is not to blame: errors below this band grow with time. "
+                "Restart the simulation with --pieces SECONDS."
+            )
+            numbers = {"fit_percent": fit, "fit_in_band_percent": score.nrmse_fit_percent}
+            found.append(warn("open_loop_diverges", f"{stretch.record}: {name}", message, **numbers))
+    return found
 
 
 def refused_flight(
