@@ -17,6 +17,7 @@ from rotorid.data.trust import (
     LARGEST_RANDOM_ERROR,
     MEANINGLESS_STRUCTURE_ERROR,
 )
+from rotorid.errors import ModelError
 from rotorid.fits.data_requirements import main_pairs
 from rotorid.fitting.frequency.problem import (
     ACCEPTABLE_COST,
@@ -27,8 +28,8 @@ from rotorid.fitting.frequency.problem import (
 )
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.measure import Measured
-from rotorid.models.families import RIG, family_of
-from rotorid.models.library import MOTOR_LAG, library_model, model_names
+from rotorid.models.families import family_of
+from rotorid.models.library import MOTOR_LAG, library_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
 from rotorid.typing import BoolArray, FloatArray
@@ -137,9 +138,14 @@ def judge_assumed(structure: LinearStructure, given: Collection[str]) -> tuple[F
     given
         Names of parameters that the user gave.
     """
-    if family_of(structure) is not RIG or structure.name not in model_names():
+    lengths = family_of(structure).assumed
+    if not lengths:
         return ()
-    library = library_model(structure.name).parameters
+    try:
+        library = tuple(library_model(structure.name).parameters)
+    except ModelError:
+        # A model of one's own, with its own numbers.
+        return ()
     return tuple(
         warn(
             "assumed_geometry",
@@ -149,7 +155,7 @@ def judge_assumed(structure: LinearStructure, given: Collection[str]) -> tuple[F
             assumed_m=item.value,
         )
         for item in structure.parameters
-        if item.unit == "m" and item.name not in given and item.status == "fixed" and item == library[item.name]
+        if item.name in lengths and item.name not in given and item.status == "fixed" and item in library
     )
 
 

@@ -109,6 +109,8 @@ class Family:
         Whether its forces along speed are those of a hovering vehicle, which air can only slow.
     drags_by_rotors
         Whether drag is counted to the side forces of its rotors alone.
+    assumed
+        Fixed numbers of the library that each vehicle has otherwise.
     needs_result
         Whether a ``model.toml`` alone does not say how its inputs are had from a log.
     written
@@ -134,6 +136,7 @@ class Family:
     opaque: bool = False
     slowed_by_air: bool = False
     drags_by_rotors: bool = False
+    assumed: tuple[str, ...] = ()
     needs_result: bool = False
     written: str = ""
 
@@ -254,6 +257,7 @@ RIG = replace(
     needs="single motors",
     axes={"rig.roll": ("roll",), "rig.attitude": ("roll", "pitch")},
     outputs={"rig.roll": ("phi", "p"), "rig.attitude": ("phi", "theta", "psi")},
+    assumed=("L",),
 )
 
 RESPONSE = Family(
