@@ -19,6 +19,7 @@ from rotorid.documents.result import result_document
 from rotorid.errors import UsageError
 from rotorid.flying.flown_models import fly_log
 from rotorid.plot.paper import bode_figure
+from rotorid.report.parts import parameter_rows
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.excitations import find_excitations
 from rotorid.vehicles import rig
@@ -78,6 +79,17 @@ def test_an_arm_that_was_not_given_is_said(tmp_path: Path) -> None:
     assert "L = 0.197 m was assumed" in finding.message
     assert "--fix L=VALUE" in finding.message
     assert not said[2]
+
+
+def test_what_the_data_do_not_show_has_no_value(tmp_path: Path) -> None:
+    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",))
+    document = result_document(model)
+    for row in (line for line in repr(model).splitlines() if line.split()[0] in ("J_x", "K_f")):
+        assert row.split()[1] == "–"
+        assert row.endswith("not identified")
+    status = {row.name: (row.value, row.status) for row in parameter_rows(document, {})}
+    assert status["J_x"] == status["K_f"] == ("–", "not identified")
+    assert status["tau_3"][1] == "free"
 
 
 def test_motors_in_two_units_fit_no_model(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from rotorid.cli.command import carry_out, read_logs, with_command
 from rotorid.cli.console import INKS, default_folder, output_console, print_findings, print_lines, print_table
 from rotorid.cli.options import ForPaper, Logs, Map, Output
 from rotorid.data.display import listed
-from rotorid.data.quantity import error_columns, significant, with_error
+from rotorid.data.quantity import MISSING, error_columns, significant, with_error
 from rotorid.data.trust import BOUNDS_MEANING
 from rotorid.errors import UsageError
 from rotorid.settings.identifying import IdentifySettings, ModelSettings
@@ -311,6 +311,7 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
     from rich.table import Table
 
     from rotorid.report.words import status_word
+    from rotorid.results.verdicts import NOT_IDENTIFIED
 
     again = document.bootstrap
     table = Table(title=document.model, title_justify="left", box=None, pad_edge=False)
@@ -326,8 +327,11 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
         if parameter.status == "dropped":
             continue
         spread = [] if again is None else [f"{again.parameters[name].std:.2g}" if name in again.parameters else ""]
-        numbers = error_columns(parameter.value, parameter.std, digits=5)
-        rows.append((name, *numbers, *spread, parameter.unit, *_percents(parameter), status_word(document, name)))
+        status, numbers = status_word(document, name), error_columns(parameter.value, parameter.std, digits=5)
+        percents = _percents(parameter)
+        if status == NOT_IDENTIFIED:
+            numbers, percents = (MISSING, ""), (MISSING, MISSING)
+        rows.append((name, *numbers, *spread, parameter.unit, *percents, status))
     return table, rows
 
 

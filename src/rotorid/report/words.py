@@ -39,10 +39,12 @@ from rotorid.results.summary import (
 )
 from rotorid.results.verdicts import (
     LEVEL_OF,
+    NOT_IDENTIFIED,
     Level,
     Verdict,
     cost_verdict,
     fit_verdict,
+    has_value,
     percent_level,
     refused_verdict,
 )
@@ -118,7 +120,9 @@ def _lag(document: ResultDocument, motors: MotorPhysics) -> str:
 
 
 def status_word(document: ResultDocument, name: str) -> str:
-    """Status of a parameter: ``free``, ``fixed``, ``tied``, ``dropped``, or ``assumed`` where nobody gave it."""
+    """Status of a parameter: ``free``, ``fixed``, ``tied``, ``dropped``, ``assumed`` or ``not identified``."""
+    if not has_value(name, document.parameters[name], document.findings):
+        return NOT_IDENTIFIED
     status = document.parameters[name].status
     assumed = document.flight is not None and name in document.flight.missing
     return "assumed" if assumed and status in ("free", "fixed") else status

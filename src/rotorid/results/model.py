@@ -15,7 +15,7 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import counted, cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
-from rotorid.data.quantity import TWO_SIDED_95, error_columns, percent
+from rotorid.data.quantity import MISSING, TWO_SIDED_95, error_columns, percent
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
@@ -42,7 +42,7 @@ from rotorid.results.summary import (
     RemovedFilters,
     UnseenCombination,
 )
-from rotorid.results.verdicts import verdict
+from rotorid.results.verdicts import NOT_IDENTIFIED, has_value, verdict
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence
@@ -526,10 +526,11 @@ class IdentifiedModel(Immutable):
     def _table(self) -> Iterator[tuple[str, ...]]:
         for name, found in self.parameters.items():
             if found.status != "dropped":
-                value, std = error_columns(found.value, found.std, digits=5)
+                known = has_value(name, found, self.findings)
+                value, std = error_columns(found.value, found.std, digits=5) if known else (MISSING, "")
                 bounds = (found.cramer_rao_percent, found.insensitivity_percent)
                 percents = ("" if bound is None else percent(bound) for bound in bounds)
-                yield name, value, std, found.unit, *percents, found.status
+                yield name, value, std, found.unit, *percents, found.status if known else NOT_IDENTIFIED
 
     def _rows(self) -> list[tuple[str, ...]]:
         most = 12

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 from rotorid.data.display import listed
 from rotorid.data.trust import MEANINGLESS_STRUCTURE_ERROR
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
-from rotorid.results.summary import Color, Cost, Fit, FitVerdict
+from rotorid.results.summary import Color, Cost, Fit, FitVerdict, ParameterEstimate
 from rotorid.verification.scores import GOOD_FIT_PERCENT
 
 if TYPE_CHECKING:
@@ -44,6 +44,13 @@ class Verdict:
 
     level: Level
     words: str
+
+
+NOT_IDENTIFIED = "not identified"
+"""Of a parameter whose value is where the search began: the data show only its product with others."""
+
+_UNKNOWN = 100.0
+"""Error over value from which a parameter that others compensate for has no value."""
 
 
 class FindingLike(Protocol):
@@ -242,3 +249,25 @@ def percent_level(percent: float) -> Level:
     ('good', 'fair', 'poor')
     """
     return "good" if percent >= GOOD_FIT_PERCENT else "fair" if percent > 0.0 else "poor"
+
+
+def has_value(name: str, found: ParameterEstimate, findings: Iterable[FindingLike]) -> bool:
+    """Whether a value of a parameter means anything; not where others compensate for any change of it.
+
+    Parameters
+    ----------
+    name, found
+        The parameter.
+    findings
+        Of the fit; the one on parameters that cannot be separated counts.
+
+    Examples
+    --------
+    >>> from rotorid.data.findings import warn
+    >>> said = [warn("not_identifiable", "J_x, K_f", "The data show only K_f/J_x = 2.")]
+    >>> has_value("J_x", ParameterEstimate(value=0.1, std=4000.0, unit="kg m^2", status="free"), said)
+    False
+    """
+    if found.std is None or found.std <= _UNKNOWN * abs(found.value):
+        return True
+    return not any(each.kind == "not_identifiable" and name in each.where.split(", ") for each in findings)
