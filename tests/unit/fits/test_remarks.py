@@ -136,7 +136,10 @@ def a_fit(**changes: Any) -> Any:
         ),
         solution=SimpleNamespace(outcome=made["outcome"], settled=made["outcome"] is Outcome.CONVERGED),
         final=SimpleNamespace(outcome=made["final"], settled=made["final"] is Outcome.CONVERGED),
-        system=SimpleNamespace(poles=lambda: np.array(made["poles"])),
+        system=SimpleNamespace(
+            poles=lambda: np.array(made["poles"]),
+            proper=lambda: (np.diag(made["poles"]), None, np.ones((2, len(made["poles"]))), None),
+        ),
         parameters=FOUND,
         costs=np.array(made["costs"]),
         average_cost=float(np.mean(made["costs"])),
