@@ -57,7 +57,7 @@ _STEP = 1e-4
 
 _BY_SPEED = frozenset(f"{row}_{speed}" for row in "XYZLMN" for speed in "uvw")
 _ACROSS = frozenset(f"{row}_{rate}" for row in "XYZLMN" for rate in "pqr") - {"L_p", "M_q", "N_r"}
-"""Derivatives by rates without the damping of an axis, to which the body and the wake add what no flight tells."""
+"""Derivatives by rates without the damping of an axis, to which the body and the wake add what no flight shows."""
 _CONTRADICTED_STDS = 3.0
 
 

@@ -83,7 +83,7 @@ class OneFlight(NamedTuple):
     values, stds
         By name.
     shared
-        By name, rows as of :attr:`rotorid.fitting.flight.fit.FlightErrors.shared`.
+        By name, rows as of ``FlightErrors.shared``.
     """
 
     values: Mapping[str, float]
