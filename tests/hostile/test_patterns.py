@@ -42,6 +42,7 @@ BOUNDED: Mapping[str, int] = MappingProxyType(
 
 TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
+        'rotorid.models.equations:f"(?<![\\\\w.]){re.escape(name)}(?![\\\\w\'])"': (r"(?<![\w.])u(?![\w'])",),
         "rotorid.io.ardupilot.status:word": tuple(word for word, _ in _FIRMWARES),
         "rotorid.io.ros.bag:rule.topic": tuple({rule.topic for rule in RULES if rule.topic}),
     }

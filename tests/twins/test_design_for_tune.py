@@ -117,7 +117,7 @@ def test_the_firmware_of_a_result_is_that_of_the_plan() -> None:
     flew = axis_controller(choices.aircraft.autopilot.parameters, "roll", firmware="ArduCopter V4.6.2")
     assert flew is not None
     known = ControllerSettings(**described([flew]), settings={"INS_GYRO_FILTER": 47.0})
-    model: Any = SimpleNamespace(name="rate.pitch", controller=known, motors=None)
+    model: Any = SimpleNamespace(name="rate.pitch", controller=known, motors=None, rate_axes=("pitch",))
     designed = designed_for_tune(choices, models=(model,))
     assert designed.firmware == "ArduCopter V4.6.2"
     # The filter of the gyro is no part of the controller, and of its loop all the same.

@@ -28,8 +28,7 @@ from rotorid.flying.settings import DesignSettings
 from rotorid.flying.user_vehicles import OwnVehicle, own_vehicle
 from rotorid.flying.vehicle_numbers import MOTION, UNITS
 from rotorid.io import documents
-from rotorid.models.families import RIG as FAMILY_OF_RIGS
-from rotorid.models.families import family_of
+from rotorid.models.families import axes_on_pivot
 from rotorid.models.flight import AIR_DENSITY_KG_M3
 from rotorid.models.parameter import no_such
 from rotorid.models.physical import check_inertia
@@ -791,7 +790,7 @@ def named_rig(words: Sequence[str], *, given: Mapping[str, float] | None = None)
     from rotorid.planning.prior import read_prior
 
     models = {file: read_result(file, read_text(file)).model for file in result_files(Path(words[0]))}
-    rigs = {file: family_of(name).axes[name] for file, name in models.items() if family_of(name) is FAMILY_OF_RIGS}
+    rigs = {file: axes for file, name in models.items() if (axes := axes_on_pivot(name))}
     if len(rigs) < len(models):
         return None
     # Of several models the one that says most.

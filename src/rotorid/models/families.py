@@ -368,6 +368,17 @@ def family_of(model: str | Path | Structure) -> Family:
     return next(family for family in FAMILIES if family.has(name))
 
 
+def axes_on_pivot(name: str) -> tuple[Axis, ...]:
+    """Axes that a model of a vehicle on a pivot shows; none of other models.
+
+    Examples
+    --------
+    >>> axes_on_pivot("rig.roll"), axes_on_pivot("rate.roll")
+    (('roll',), ())
+    """
+    return RIG.axes[name] if RIG.has(name) else ()
+
+
 def is_rate_model(structure: LinearStructure) -> bool:
     """Whether a structure is a rate model of the library, which a stick may show."""
     return structure.name in RATE_AXIS

@@ -47,7 +47,6 @@ _OF_PLANT = (
 )
 """What changes the plant itself: it was measured with the flown values."""
 
-_SHORT: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
 _SAME = 1e-6
 _FAR_OUTSIDE = 4.0
 """Times the end of a range from which a gain is taken for one in other units."""
@@ -213,12 +212,11 @@ def judge_gains(
     return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
 
 
-_NAMES_OF: Mapping[Axis, re.Pattern[str]] = MappingProxyType(
-    {
-        axis: re.compile(rf"MC_{axis.upper()}\w+|ATC_(?:RAT|ANG)_{short}_\w+|{axis}PID_\w|(?:d_m..|ff_weight)_{index}")
-        for index, (axis, short) in enumerate(_SHORT.items())
-    }
-)
+_OF_ROLL = re.compile(r"MC_ROLL\w+|ATC_(?:RAT|ANG)_RLL_\w+|rollPID_\w|(?:d_m..|ff_weight)_0")
+_OF_PITCH = re.compile(r"MC_PITCH\w+|ATC_(?:RAT|ANG)_PIT_\w+|pitchPID_\w|(?:d_m..|ff_weight)_1")
+_OF_YAW = re.compile(r"MC_YAW\w+|ATC_(?:RAT|ANG)_YAW_\w+|yawPID_\w|(?:d_m..|ff_weight)_2")
+_NAMES_OF: Mapping[Axis, re.Pattern[str]] = MappingProxyType({"roll": _OF_ROLL, "pitch": _OF_PITCH, "yaw": _OF_YAW})
+"""What firmware calls the gains of an axis."""
 
 
 def _axes_of(gains: GainFile, values: Mapping[str, float]) -> tuple[Axis, ...]:

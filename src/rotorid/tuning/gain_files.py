@@ -27,11 +27,15 @@ _NAME = r"[A-Za-z][A-Za-z0-9_]{1,39}"
 _TABLE = re.compile(rf"\d+\s+\d+\s+(?P<name>{_NAME})\s+(?P<value>\S+)\s+\d+")
 _SHELL = re.compile(rf"param\s+set(?:-default)?\s+(?P<name>{_NAME})\s+(?P<value>\S+)")
 _PAIR = re.compile(r"(?P<name>[A-Z]\w{1,39})(?:\s*,\s*|\s+)(?P<value>[^\s,]+)(?:\s+@READONLY)?")
-_SET = re.compile(r"set\s+(?P<name>\w{1,64})\s*=\s*(?P<value>.*)")
+_SET = re.compile(r"set\s+(?P<name>\w{1,64})\s{0,40}=(?P<value>.*)")
 _PROFILE = re.compile(r"profile\s+(?P<number>\d+)")
-_BY_HAND = re.compile(r"(?:(?P<axis>roll|pitch|yaw)\s*[: ,]\s*)?(?P<gains>(?:[PIDA]\s*=\s*[^\s,;=]+[\s,;]*)+)", re.I)
+_BY_HAND = re.compile(
+    r"(?:(?P<axis>roll|pitch|yaw)[\s:,]{1,20})?(?P<gains>(?:[PIDA]\s{0,9}=\s{0,9}[^\s,;=]+[\s,;]*)+)", re.I
+)
 _GAIN = re.compile(r"([PIDA])\s*=\s*([^\s,;=]+)", re.I)
-_FIRMWARE = re.compile(r"#\s*(?:version\s*)?#?\s*(?P<name>(?:Betaflight|INAV|Cleanflight|EmuFlight)\b.*)", re.I)
+_FIRMWARE = re.compile(
+    r"#[\s#]{0,9}(?:version[\s#]{0,9})?(?P<name>(?:Betaflight|INAV|Cleanflight|EmuFlight)\b.*)", re.I
+)
 
 _OLD_ARDUPILOT = re.compile(r"(?:RATE|STB)_(?:RLL|PIT|YAW)_\w+")
 """Gains of ArduPilot before 3.4, whose controller was another one."""
