@@ -60,7 +60,7 @@ def bench_design_document(
     design
         The plan, and what it reaches.
     files
-        Names of the files beside it.
+        Names of the files in the same folder.
     """
     settings = design.settings
     provenance = Provenance(

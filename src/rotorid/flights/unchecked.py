@@ -98,7 +98,7 @@ def with_equal_delays(
 
     .. math:: \tfrac12 (e^{-s\tau_3} + e^{-s\tau_4}) = e^{-s\tau} \cos(\omega \Delta / 2),
 
-    without any phase: a few percent at the end of a band, which no fit tells from a gain.
+    without any phase: a few percent at the end of a band, which no fit separates from a gain.
 
     Parameters
     ----------

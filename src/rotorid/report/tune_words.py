@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rotorid.data.display import capital
+from rotorid.data.display import capital, listed
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, significant, with_unit
 from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
@@ -92,7 +92,7 @@ def verdict_sentence(axis: Axis, found: AxisJudgedDocument) -> str:
     words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
     if found.lower:
-        words.append(f"Lower {' and '.join(f'{name} to {value:.3g}' for name, value in found.lower.items())}.")
+        words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
     return " ".join(words)
 
 
