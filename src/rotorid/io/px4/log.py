@@ -203,7 +203,7 @@ _INSTRUMENTS = {
 def _empty(name: str, facts: Mapping[str, Any]) -> LogError:
     """The error of a log without a topic that is read, and the one setting that mends it."""
     came, subscribed = f"{name} contains no topic with commands, rates, attitude or position", facts.get("subscribed")
-    if not subscribed and facts.get("damage"):
+    if facts.get("damage"):
         remedy = "it is damaged: copy it again from the vehicle"
     elif subscribed is not None and not subscribed:
         came = f"{name} contains no topic at all, only what precedes them"

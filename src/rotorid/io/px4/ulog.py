@@ -282,8 +282,11 @@ _PAYLOADS: Mapping[int, tuple[int, int]] = {
     }.items()
 }
 _KEPT = b"IPO"
+# What stands among the definitions and has a text that shows it: chance finds three of them in a row in no file.
+_DEFINING = np.frombuffer(b"FIMPQA", dtype=np.uint8)
 _MOST_KEPT = 1 << 20
 _LEVELS = tuple(bytes([digit]) for digit in b"01234567")
+_PRINTABLE = re.compile(rb"[ -~]*")
 _TEXT_STARTS = {ord("L"): 9, ord("C"): 11}
 _CHAIN = 3
 _FIRST_BLOCK, _LARGEST_BLOCK = 1 << 14, 1 << 22
@@ -362,6 +365,8 @@ def walk(data: bytes | AnyArray, topics: Collection[str] = ()) -> Walk:
     for stop in _section_stops(walker.view):
         while True:
             position, reason = walker.advance(position, stop)
+            if reason:
+                position = walker.swallowing(position, stop)
             intact.append((start, position))
             if not reason:
                 break
@@ -432,6 +437,8 @@ class _Walker:
         self.topics = topics
         self.definitions = Definitions()
         self.subscriptions = 0
+        self.has_data = False
+        self.last = HEADER_BYTES
         self.known: dict[int, Subscription] = {}
         self.parts: list[_Part] = []
         self.statements: list[int] = []
@@ -463,14 +470,15 @@ class _Walker:
             if after > stop:
                 return position, "the file ends inside a message"
             self._learn(letter, position, after)
-            position = after
+            self.last, position = position, after
         return position, "" if position == stop else "the file ends inside a message"
 
     def resume(self, position: int, stop: int) -> int:
-        """Next place after ``position`` where data messages follow each other; ``stop`` when there is none.
+        """Next place after ``position`` where messages follow each other; ``stop`` when there is none.
 
-        A message of an unknown type, as newer firmware may write, ends where its size says if others follow there:
-        among the definitions no data message shows where to go on.
+        A message of an unknown type, as newer firmware may write, ends where its size says if others follow there.
+        Otherwise data messages, whose numbers and sizes are known, show where to go on. Among the definitions, before
+        the first data, the definitions themselves do: a break there loses a message, not all topics behind it.
         """
         if position + _HEADER.size <= stop:
             size, letter, _ = _HEADER.unpack_from(self.view, position)
@@ -480,11 +488,33 @@ class _Walker:
         at = position + 1
         while at + _HEADER.size <= stop:
             block = self._block_at(at, stop)
-            for index in range(bisect_left(block.places, at), len(block.places)):
-                if self._is_chain(block.places[index], stop):
-                    return block.places[index]
+            data = next(
+                (place for place in block.places[bisect_left(block.places, at) :] if self._is_chain(place, stop)), None
+            )
+            if not self.has_data:
+                statement = self._next_statement(at, block.end if data is None else data, stop)
+                data = data if statement is None else statement
+            if data is not None:
+                return data
             at = block.end
         return stop
+
+    def swallowing(self, position: int, stop: int) -> int:
+        """Start of the message before a break, if others are inside it: its size is what broke; else the break.
+
+        Only among the definitions, where a size that grew would hide the topics behind it.
+        """
+        if self.has_data or self.last >= position or self._next_statement(self.last + 1, position, stop) is None:
+            return position
+        return self.last
+
+    def _next_statement(self, at: int, end: int, stop: int) -> int | None:
+        """First place from ``at`` to ``end`` where messages other than data follow each other."""
+        letters = self.data[at + 2 : end + 2]
+        for place in (np.flatnonzero(np.isin(letters, _DEFINING)) + at).tolist():
+            if self._is_chain(place, stop):
+                return int(place)
+        return None
 
     def collect(self) -> None:
         """Sort the data messages of the block at hand into the parts that were asked for."""
@@ -512,6 +542,7 @@ class _Walker:
         if after > stop:
             last, after = last - 1, block.places[last]
         if last >= first:
+            self.has_data = True
             block.runs.append((first, last + 1))
         return after
 
@@ -606,9 +637,9 @@ def _refuse(view: memoryview, position: int, size: int, letter: int) -> str:
         return "the flags are in the middle of the file"
     if letter in b"LC" and (payload[:1] not in _LEVELS or 0 in payload[_TEXT_STARTS[letter] :]):
         return "a text message contains no text"
-    if letter in b"FA" and not payload[0 if letter == ord("F") else 3 :].isascii():
+    if letter in b"FA" and not _PRINTABLE.fullmatch(payload, 0 if letter == ord("F") else 3):
         return "the definition of a topic contains no text"
-    if letter in b"IP" and not payload[1 : 1 + payload[0]].isascii():
+    if letter in b"IP" and not _PRINTABLE.fullmatch(payload, 1, 1 + payload[0]):
         return "a parameter or an information has no readable name"
     return ""
 

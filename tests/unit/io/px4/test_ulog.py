@@ -137,6 +137,40 @@ def test_the_size_of_the_blocks_does_not_matter(seed: int, monkeypatch: pytest.M
         assert outline(walk(data, ["battery_status"])) == whole
 
 
+MANY = [f"topic_{index:02d}" for index in range(40)]
+
+
+def many_topics() -> tuple[bytes, list[int]]:
+    """A log with forty topics among parameters, and where its definitions start."""
+    parts = [
+        *(message("F", f"{name}:uint64_t timestamp;float value;".encode()) for name in MANY),
+        *(message("P", bytes([12]) + f"float P_{index:02d}".encode().ljust(12) + bytes(4)) for index in range(40)),
+        *(subscription(index, name) for index, name in enumerate(MANY)),
+    ]
+    starts = np.cumsum([len(HEAD), *map(len, parts)]).tolist()
+    data = [sample(number, index) for index in range(30) for number in range(len(MANY))]
+    return b"".join([HEAD, *parts, *data]), starts
+
+
+def test_a_record_of_an_unknown_type_among_the_definitions_is_stepped_over() -> None:
+    data, starts = many_topics()
+    record = message("Z", bytes(range(20)))
+    for start in starts:
+        found = walk(data[:start] + record + data[start:], MANY)
+        assert {stream.subscription.topic: stream.positions.size for stream in found.streams} == dict.fromkeys(MANY, 30)
+
+
+def test_a_flipped_bit_among_the_definitions_costs_one_topic_at_most() -> None:
+    data, starts = many_topics()
+    rng = np.random.default_rng(3)
+    for place in rng.integers(len(HEAD), starts[-1], 200).tolist():
+        broken = bytearray(data)
+        broken[place] ^= 1 << int(rng.integers(8))
+        streams = walk(bytes(broken), MANY).streams
+        whole = [stream for stream in streams if stream.positions.size == 30]
+        assert len(whole) >= len(MANY) - 1
+
+
 @pytest.mark.parametrize(
     ("parts", "sentence"),
     [
