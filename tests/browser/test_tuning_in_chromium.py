@@ -13,14 +13,14 @@ from rotorid.models.autopilots import axis_controller
 from rotorid.proposing.proposal import AxisTuning, TuningProposal, _loops, _responses
 from rotorid.report.tune import render_tune
 from rotorid.results.provenance import Provenance
-from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, propose, uncertain_plant
+from rotorid.tuning import ControllerParts, Gains, attitude_rms, frequency_grid, loop_figures, propose, uncertain_plant
 
 READY = 'document.documentElement.dataset.sliders === "ready"'
 PROBE = (
     f"async () => {{{SETTLED}"
     + """
   const place = document.querySelector("[data-axis]");
-  await openAll([place.closest("details.axis"), place]);
+  await openAll([place, ...place.querySelectorAll("details")]);
   const figures = () => Object.fromEntries(
     Array.from(place.querySelectorAll("[data-figure]"), (cell) => [cell.dataset.figure, cell.textContent]));
   const before = figures();
@@ -125,6 +125,12 @@ def test_sliders_show_what_python_says(moved: tuple[AxisTuning, dict[str, Any]])
         assert number(seen[told]["noise"]) / 100.0 == pytest.approx(
             one.parts.noise(held) / one.parts.noise(one.proposal.flown.gains), rel=0.02
         )
+        quiet, chosen = (
+            float(attitude_rms(one.omega_rad_s, nominal[None], (nominal * one.parts.whole(each))[None])[0])
+            for each in (one.proposal.flown.gains, held)
+        )
+        assert "times less than" in seen[told]["disturbance"]
+        assert number(seen[told]["disturbance"]) == pytest.approx(quiet / chosen, rel=0.05)
     for line in seen["steps"]:
         assert line[0] == pytest.approx(0.0, abs=0.01)
         assert line[-1] == pytest.approx(1.0, abs=0.1)

@@ -160,12 +160,13 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
 
     from rotorid.autopilots import named
     from rotorid.report.tune_words import (
-        axis_sentence,
+        axis_sentences,
         following,
+        headline,
         judged_sentences,
         limit_sentences,
-        limiting,
         margin_lines,
+        missed_sentences,
         next_flight,
         stricter_sentence,
     )
@@ -179,9 +180,11 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         line(sentence)
     if document.judged is not None:
         line("\nGains that rotorid proposes:" if document.changed else "")
-    for axis, tuning in document.axes.items():
-        line(axis_sentence(axis, tuning))
-        if limits := limiting(tuning):
+    for sentence in headline(document):
+        line(sentence)
+    for sentence, limits in axis_sentences(document):
+        line(sentence)
+        if limits:
             line(f"  {capital(limits)}")
     table = Table(box=None, pad_edge=False)
     for name in ("axis", "margin", "today", "new gains", "fine"):
@@ -191,9 +194,8 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         table.add_row(margin.axis, margin.name, margin.today, margin.new, margin.fine)
     console.print()
     console.print(table)
-    for margin in margins:
-        if margin.missed:
-            line(f"look here: {margin.missed}")
+    for missed in missed_sentences(margins):
+        line(f"look here: {missed}")
     if stricter := stricter_sentence(document):
         line(stricter)
     for sentence in limit_sentences(document) if verbose and document.axes else ():

@@ -129,6 +129,23 @@
     return Math.sqrt(sum);
   };
 
+  // Attitude under a moment of a corner, as rotorid.tuning.loops.attitude_rms.
+  const DISTURBANCE_RAD_S = 1.5;
+  const attitude = (axis, whole) => {
+    const loop = times(plain(axis.plant), whole);
+    const power = axis.omega.map((w, k) => (axis.plant.re[k] ** 2 + axis.plant.im[k] ** 2)
+      / (w * w * ((1 + loop.re[k]) ** 2 + loop.im[k] ** 2) * (w * w + DISTURBANCE_RAD_S ** 2)));
+    let sum = 0;
+    for (let k = 0; k + 1 < power.length; k += 1) sum += 0.5 * (power[k] + power[k + 1]) * (axis.omega[k + 1] - axis.omega[k]);
+    return Math.sqrt(sum);
+  };
+  const comparedWithToday = (ratio) => {
+    if (ratio <= 1 / 1.5) return `${format(1 / ratio, 2)} times less than`;
+    if (ratio >= 1.5) return `${format(ratio, 2)} times more than`;
+    const change = Math.round(100 * (ratio - 1));
+    return change === 0 ? "as much as" : `${Math.abs(change)} % ${change < 0 ? "less" : "more"} than`;
+  };
+
   // Attitude over its set-point, its real part at even steps, and from that the answer to a step.
   const step = (axis, plant, found) => {
     const closed = quotient(times(plain(plant), found.angle),
@@ -164,6 +181,7 @@
     const flown = controllers(axis, axis.flown, axis.derivative_cutoff_hz);
     const before = step(axis, axis.plant, flown);
     const quiet = noise(axis, flown.rate);
+    const tilted = attitude(axis, flown.whole);
 
     const show = () => {
       const { gains, cutoff } = chosen();
@@ -178,6 +196,8 @@
         peak(figures(axis, times(plain(plant), found.whole))),
       ));
       const setFigure = (name, text) => { place.querySelector(`[data-figure="${name}"]`).textContent = text; };
+      const stands = rate.stable && whole.stable;
+      setFigure("disturbance", stands ? comparedWithToday(attitude(axis, found.whole) / tilted) : "more and more, unlike");
       setFigure("crossover", rotorid.frequency(rate.crossover));
       setFigure("phase", `${format(rate.phase)}°`);
       setFigure("gain", `${format(rate.gain)} dB`);

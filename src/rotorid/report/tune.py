@@ -28,10 +28,12 @@ from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     LOOP_WORDS,
     following,
+    headline,
     judged_sentences,
     limit_sentences,
     limiting,
     margin_lines,
+    missed_sentences,
     next_flight,
     not_tuned,
     path_sentence,
@@ -199,15 +201,19 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
     document = tune_document(proposal)
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
     judged = _judged_cards(document, proposal)
+    margins = margin_lines(document)
     return render(
         "tune.html",
         logs=[document.autopilot, *document.provenance.inputs],
         title=title,
         document=document,
+        headline=headline(document),
         sentences=tune_sentences(document),
         judged=judged,
+        judged_badge=_BADGES[document.judged.verdict] if document.judged is not None else "",
         judged_title=next(iter(judged_sentences(document)), ""),
-        margins=margin_lines(document),
+        margins=margins,
+        missed=missed_sentences(margins),
         next_flight=next_flight(document),
         following=following(document),
         loading=named(document.autopilot).loading,

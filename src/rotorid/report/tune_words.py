@@ -36,8 +36,8 @@ _TODAY = "today "
 _LITTLE_LEFT = 0.9
 """Deviation with the best gains over that with the next ones, above which a further flight brings little."""
 
-_QUIETER, _LOUDER = 0.95, 1.05
-"""Noise of the command over that of today, between which it counts as the same."""
+_QUIETER, _LOUDER, _HOTTER = 0.95, 1.05, 1.3
+"""Noise of the command over that of today, between which it counts as the same, and above which motors get warmer."""
 
 LOOP_WORDS = {"rate": "rate loop", "whole": "with angle loop"}
 """What each loop is called in tables."""
@@ -61,13 +61,72 @@ class MarginLine:
     new: str
     fine: str
     missed: str
+    loop: str = ""
+    number: str = ""
+
+
+def headline(document: TuneDocument) -> tuple[str, ...]:
+    """The answer in a few sentences: whether there are new gains, what they bring, what to watch in their flight."""
+    if not document.axes:
+        return ()
+    changed = {axis: tuning for axis, tuning in document.axes.items() if tuning.changed}
+    if not changed:
+        return (f"Keep today's gains of {listed(list(document.axes))}.",)
+    safer = [axis for axis, tuning in changed.items() if tuning.attitude_ratio.value > 1.0 and _of_today(tuning)]
+    others = [axis for axis in changed if axis not in safer]
+    found = []
+    if others:
+        found.append(f"New gains for {listed(others)}. With the new gains, {_disturbance(document, others)}.")
+    if safer:
+        why = "today's are close to shaking"
+        found.append(f"Safer gains for {listed(safer)}: {why}. The price: {_disturbance(document, safer)}.")
+    return (*found, _watch(changed))
+
+
+def _of_today(tuning: AxisTuneDocument) -> bool:
+    """Whether the flown gains themselves are a reason for the change."""
+    return any(reason.startswith(_TODAY) for reason in tuning.reasons)
+
+
+def _disturbance(document: TuneDocument, axes: Sequence[Axis]) -> str:
+    """What a disturbance does to the vehicle compared with today; axes that change alike share a clause."""
+    alike: dict[tuple[str, str], list[Axis]] = {}
+    for axis in axes:
+        motion = "turns" if axis == "yaw" else "tilts"
+        alike.setdefault((motion, _less(document.axes[axis].attitude_ratio)), []).append(axis)
+    clauses = [
+        f"{motion} the vehicle {less} today{f' in {listed(same)}' if len(alike) > 1 else ''}"
+        for (motion, less), same in alike.items()
+    ]
+    return f"a disturbance {listed(clauses)}"
+
+
+def _watch(changed: Mapping[Axis, AxisTuneDocument]) -> str:
+    """What to watch in the first flight of new gains: the loop nearest to shaking, noise, overshoot."""
+    peaks = {axis: one.proposed_whole.get("sensitivity_peak") for axis, one in changed.items()}
+    nearest = max(changed, key=lambda axis: math.inf if (peak := peaks[axis]) is None else peak.value)
+    points = [f"{nearest} shaking{_at(changed[nearest].proposed_whole)}"]
+    angles = {
+        axis: one.proposed_whole["phase_margin_deg"].value
+        for axis, one in changed.items()
+        if "phase_margin_deg" in one.proposed_whole
+    }
+    if angles and min(angles.values()) < QUANTITIES["phase_margin_deg"].good_above:
+        points.append(f"overshoot in {min(angles, key=angles.__getitem__)}")
+    if max(one.noise_ratio for one in changed.values()) > _HOTTER:
+        points.append("hot motors")
+    return f"In the first flight, watch for {listed(points)}; if in doubt, land and load the old gains."
+
+
+def _at(loop: Mapping[str, QuantityDocument]) -> str:
+    """Where a loop swings if it swings, which is near its crossover."""
+    known = loop.get("crossover_rad_s")
+    return "" if known is None else f" at about {significant(known.value / (2.0 * math.pi), digits=2)} Hz"
 
 
 def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
-    """The answer: for each axis the new gains and what they bring, or why there are none."""
-    return tuple(
-        [axis_sentence(axis, tuning) for axis, tuning in document.axes.items()] + list(not_tuned(document).values())
-    )
+    """For each axis the new gains, or why there are none."""
+    return (*(sentence for sentence, _ in axis_sentences(document)), *not_tuned(document).values())
 
 
 _VERDICT_WORDS: Mapping[Verdict, str] = {
@@ -128,16 +187,19 @@ def _share(share: float) -> str:
     return "all" if share >= 1.0 else f"{max(100.0 * share, 1.0):.0f} %"
 
 
-def axis_sentence(axis: Axis, tuning: AxisTuneDocument) -> str:
-    """New gains of an axis and what gets better; or that today's gains stay, and why."""
+def axis_sentences(document: TuneDocument) -> tuple[tuple[str, str], ...]:
+    """New gains, or that today's stay, with what limits them; axes of which the same is true share a sentence."""
+    alike: dict[tuple[str, str], list[Axis]] = {}
+    for axis, tuning in document.axes.items():
+        alike.setdefault((_gains_words(tuning), limiting(tuning)), []).append(axis)
+    return tuple((f"{capital(listed(axes))}: {words}.", limits) for (words, limits), axes in alike.items())
+
+
+def _gains_words(tuning: AxisTuneDocument) -> str:
+    """New gains of an axis and what becomes of the noise; or that today's gains stay, and why."""
     if not tuning.changed:
-        why = f": {'; '.join(tuning.reasons)}" if tuning.reasons else ""
-        return f"{capital(axis)}: keep today's gains{why}."
-    motion = "turns" if axis == "yaw" else "tilts"
-    return (
-        f"{capital(axis)}: {changed_gains(tuning)}. With the new gains, a disturbance {motion} the vehicle "
-        f"{_less(tuning.attitude_ratio)} today{_noise(tuning.noise_ratio)}."
-    )
+        return ": ".join(filter(None, ("keep today's gains", "; ".join(tuning.reasons))))
+    return f"{changed_gains(tuning)}{_noise(tuning.noise_ratio)}"
 
 
 def changed_gains(tuning: AxisTuneDocument) -> str:
@@ -216,6 +278,8 @@ def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
                     new=margin_text(name, new[loop][name]) if tuning.changed else "unchanged",
                     fine=fine_text(name),
                     missed=_missed(axis, loop, name, new[loop][name]),
+                    loop=LOOP_WORDS[loop],
+                    number=_number(name, new[loop][name]),
                 )
             )
     return tuple(found)
@@ -228,8 +292,26 @@ def _missed(axis: Axis, loop: str, name: str, quantity: QuantityDocument) -> str
     if not (quantity.value < least or quantity.value > figure.good_below):
         return ""
     where = "of the rate loop" if loop == "rate" else LOOP_WORDS[loop]
-    number = with_unit(figure.cells(quantity)[0], figure.unit)
-    return f"{capital(axis)}: the {figure.before} {where} is {number}; {fine_text(name)} is fine."
+    return f"{capital(axis)}: the {figure.before} {where} is {_number(name, quantity)}; {fine_text(name)} is fine."
+
+
+def _number(name: str, quantity: QuantityDocument) -> str:
+    return with_unit(QUANTITIES[name].cells(quantity)[0], QUANTITIES[name].unit)
+
+
+def missed_sentences(lines: Sequence[MarginLine]) -> tuple[str, ...]:
+    """Which margins are not in the range that is fine: both loops of an axis in one sentence."""
+    pairs: dict[tuple[str, str], list[MarginLine]] = {}
+    for line in lines:
+        if line.missed:
+            pairs.setdefault((line.axis, line.name.partition(",")[0]), []).append(line)
+    return tuple(
+        same[0].missed
+        if len(same) == 1
+        else f"{capital(axis)}: the {name} is {listed([f'{line.number} ({line.loop})' for line in same])}; "
+        f"{same[0].fine} is fine."
+        for (axis, name), same in pairs.items()
+    )
 
 
 def stricter_sentence(document: TuneDocument) -> str:

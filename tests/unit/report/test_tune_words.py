@@ -8,7 +8,18 @@ from typing import Any
 import pytest
 
 from rotorid.data.trust import ROBUSTNESS
-from rotorid.report.tune_words import _less, following, limiting, margin_lines, path_sentence, stricter_sentence, unread
+from rotorid.report.tune_words import (
+    _less,
+    axis_sentences,
+    following,
+    headline,
+    limiting,
+    margin_lines,
+    missed_sentences,
+    path_sentence,
+    stricter_sentence,
+    unread,
+)
 
 
 def step(ratio: float) -> SimpleNamespace:
@@ -105,3 +116,65 @@ def test_what_the_answer_says_already_is_no_further_warning() -> None:
     ]
     left = unread(SimpleNamespace(findings=findings))  # type: ignore[arg-type]
     assert [finding.kind for finding in left] == ["firmware_contradicted"]
+
+
+def new(ratio: float, *, noise: float = 1.0, phase_deg: float = 50.0, peak: float = 1.6, today: bool = False) -> Any:
+    """An axis with new gains."""
+    whole = {
+        "sensitivity_peak": quantity(peak),
+        "phase_margin_deg": quantity(phase_deg),
+        "crossover_rad_s": quantity(40.0),
+    }
+    return SimpleNamespace(
+        changed=True,
+        attitude_ratio=quantity(ratio),
+        noise_ratio=noise,
+        proposed_whole=whole,
+        gains={"MC_ROLLRATE_P": SimpleNamespace(flown=0.1, proposed=0.2)},
+        reasons=("today M_s of the rate loop exceeds 1.7",) if today else (),
+    )
+
+
+def kept(*reasons: str) -> Any:
+    return SimpleNamespace(changed=False, reasons=reasons)
+
+
+def of(**axes: Any) -> Any:
+    return SimpleNamespace(axes=axes)
+
+
+def test_the_headline_says_what_gets_better_and_what_to_watch() -> None:
+    assert headline(of(roll=new(0.25), pitch=new(0.25))) == (
+        "New gains for roll and pitch. With the new gains, a disturbance tilts the vehicle 4 times less than today.",
+        "In the first flight, watch for roll shaking at about 6.4 Hz; if in doubt, land and load the old gains.",
+    )
+    better, watch = headline(of(roll=new(0.25), yaw=new(0.9, noise=1.8, phase_deg=35.0, peak=1.69)))
+    assert "tilts the vehicle 4 times less than today in roll and turns the vehicle 10 % less than today in y" in better
+    assert "watch for yaw shaking at about 6.4 Hz, overshoot in yaw and hot motors" in watch
+
+
+def test_the_headline_of_safer_gains_names_their_price() -> None:
+    better, safer, _ = headline(of(roll=new(0.5), yaw=new(4.8, today=True)))
+    assert better.startswith("New gains for roll.")
+    assert safer == (
+        "Safer gains for yaw: today's are close to shaking. "
+        "The price: a disturbance turns the vehicle 4.8 times more than today."
+    )
+
+
+def test_the_headline_without_new_gains() -> None:
+    assert headline(of(roll=kept(), yaw=kept())) == ("Keep today's gains of roll and yaw.",)
+    assert headline(of()) == ()
+
+
+def test_axes_of_which_the_same_is_true_share_a_sentence() -> None:
+    found = axis_sentences(of(roll=kept("no better"), pitch=kept("no better"), yaw=new(0.5)))
+    assert found == (("Roll and pitch: keep today's gains: no better.", ""), ("Yaw: P 0.1 → 0.2.", ""))
+
+
+def test_both_loops_that_miss_a_margin_are_one_sentence() -> None:
+    document = tuned(39.1)
+    document.axes["roll"].proposed["phase_margin_deg"] = quantity(30.0)
+    assert missed_sentences(margin_lines(document)) == (
+        "Roll: the phase margin is 30.0° (rate loop) and 39.1° (with angle loop); above 40° is fine.",
+    )
