@@ -61,7 +61,7 @@ def test_gains_of_the_firmwares_own_autotune_are_judged(
     _print(document, tmp_path, given=[])
     shown = capsys.readouterr().out
     assert shown.startswith(
-        "autotune.param: do not fly these gains.\nRoll: do not fly these gains: the loop with angle loop"
+        "autotune.param: do not fly these gains.\nRoll: do not fly these gains: on a likely vehicle (gain "
     )
     assert "do not fly these gains" in render_tune(found, title="Gains")
 

@@ -149,7 +149,8 @@ def _models_and_logs(given: Sequence[Path]) -> tuple[list[IdentifiedModel], list
 def _write(folder: Path, proposal: TuningProposal, given: Sequence[Path], out: Path | None) -> None:
     from rotorid.report.files import write_tuning
 
-    title = f"Gains from {', '.join(path.name for path in given)}"
+    logs = ", ".join(path.name for path in given)
+    title = f"Gains from {logs}" if proposal.judged is None else f"{proposal.judged.source} judged on {logs}"
     # Without --out the folder is numbered if its name is taken, which is known only when it is written.
     write_tuning(folder, proposal, title=title, check_folder="" if out is None else shlex.quote(str(out)))
 

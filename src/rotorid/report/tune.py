@@ -210,7 +210,6 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         headline=headline(document),
         sentences=tune_sentences(document),
         judged=judged,
-        judged_badge=_BADGES[document.judged.verdict] if document.judged is not None else "",
         judged_title=next(iter(judged_sentences(document)), ""),
         margins=margins,
         missed=missed_sentences(margins),

@@ -147,40 +147,49 @@ def judged_sentences(document: TuneDocument) -> tuple[str, ...]:
 
 
 def verdict_sentence(axis: Axis, found: AxisJudgedDocument) -> str:
-    """The verdict on the gains of an axis, its reason, and what to lower."""
+    """The verdict on the gains of an axis, its reason, what they bring, and what to lower."""
     words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
+    if found.verdict in ("fly", "gently") and found.attitude_ratio is not None:
+        motion = "turns" if axis == "yaw" else "tilts"
+        words.append(f"A disturbance {motion} the vehicle {_less(found.attitude_ratio)} today.")
     if found.lower:
         words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
     return " ".join(words)
 
 
 def _because(found: AxisJudgedDocument) -> str:
-    """Why, as the end of a sentence: the peak that decides, and the plant that has it."""
+    """Why, as the end of a sentence: what the loop does on the plant that decides."""
     plant = found.breaking
     if plant is None:
         return ""
-    loop = "loop with angle loop" if plant.loop == "whole" else "rate loop"
-    at = f"{plant.omega_rad_s / (2.0 * math.pi):.1f} Hz"
+    whole = plant.loop == "whole"
+    at = f"{plant.omega_rad_s / (2.0 * math.pi):.1f} Hz{f' {plant.situation}' if plant.situation else ''}"
     if found.noisy:
         share = "" if found.noise is None else f" ({100.0 * found.noise:.0f} % of their range)"
         return f": noise in the motor commands is {found.noise_ratio or 1.0:.1f} times today's{share}"
     if found.verdict == "not_enough_data":
         if found.known_to_rad_s:
             end = found.known_to_rad_s / (2.0 * math.pi)
-            return f": the {loop} depends on the vehicle at {at}, which was not measured well; sweep up to {end:.0f} Hz"
+            return f": they depend on the vehicle at {at}, which was not measured well; sweep up to {end:.0f} Hz"
         return ""
-    share = "" if not found.unstable else f" on {_share(found.unstable)} of the likely vehicles"
-    deviation = f"gain {100.0 * (plant.gain - 1.0):+.0f} %, phase {plant.phase_deg:+.0f}°"
-    where = f" {plant.situation}" if plant.situation else ""
+    deviation = f"gain {_signed(100.0 * (plant.gain - 1.0))} %, phase {_signed(plant.phase_deg)}°"
     if plant.sensitivity_peak is None:
-        return f": the {loop} is unstable at about {at}{where}{share} (for example {deviation})"
-    peak = f"M_s {plant.sensitivity_peak:.1f} at {at}{where}"
-    if found.verdict == "do_not_fly":
-        return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); above {REFUSED_PEAK:g} is too much"
-    if found.verdict == "gently":
-        return f": the {loop} reaches {peak} on a likely vehicle ({deviation}); up to {SAFE_PEAK:g} is fine"
-    return f": M_s stays below {plant.sensitivity_peak:.2f} on 95 % of the likely vehicles"
+        share = "" if not found.unstable else f" on {_share(found.unstable)} of the likely vehicles"
+        loops = "rate and angle loop together are" if whole else "the rate loop is"
+        return f": {loops} unstable at about {at}{share} (for example {deviation})"
+    if found.verdict == "fly":
+        return f": M_s stays below {plant.sensitivity_peak:.2f} on 95 % of the likely vehicles"
+    scale = (
+        f"above {REFUSED_PEAK:g} is too much" if found.verdict == "do_not_fly" else f"up to {SAFE_PEAK:g} is no concern"
+    )
+    loops = "rate and angle loop together amplify" if whole else "the rate loop amplifies"
+    return f": on a likely vehicle ({deviation}) {loops} shaking at {at} {plant.sensitivity_peak:.1f} times; {scale}"
+
+
+def _signed(value: float) -> str:
+    """A whole number with its sign; zero without one."""
+    return f"{round(value):+d}".replace("+0", "0")
 
 
 def _share(share: float) -> str:
@@ -382,7 +391,7 @@ def following(document: TuneDocument) -> str:
     name = "sensitivity_peak"
     if name in first.whole and name in goal.whole:
         peaks = [significant(step.whole[name].value, digits=3) for step in (goal, first)]
-        change += f", with an M_s of {peaks[0]} instead of {peaks[1]}"
+        change += f", with an M_s of {peaks[0]} instead of {peaks[1]}" if peaks[0] != peaks[1] else ""
     lead = (
         "These gains are nearly the best, so a further tune is optional: after"
         if shares[axis] >= _LITTLE_LEFT

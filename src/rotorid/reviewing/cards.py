@@ -33,6 +33,8 @@ from rotorid.reviewing.card import (
 from rotorid.reviewing.motors import EVEN, possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
+from rotorid.tuning.judging import VERDICT_NAMES, WORST_FIRST, Verdict
+from rotorid.typing import Axis
 
 _SELDOM = 5e-4
 """Share of the flight at a limit that is too small to mention."""
@@ -210,6 +212,31 @@ def _margins(review: Review) -> Card:
     key, title = "margins", "How close is it to shaking?"
     if review.oscillations:
         return _shaking(review, key, title)
+    card = _far_from_shaking(review, key, title)
+    verdicts = {axis: margin.verdict.verdict for axis, margin in review.margins.items() if margin.verdict is not None}
+    if not verdicts:
+        return card
+    refused = [
+        axis for axis, found in verdicts.items() if found == "do_not_fly" and not review.margins[axis].stick_idle
+    ]
+    if refused and card.state in ("good", "part"):
+        loops = f"The {listed(refused)} loop{'s are' if len(refused) > 1 else ' is'}"
+        card = replace(card, state="look", headline=f"{loops} too close to shaking on a likely vehicle.")
+    return replace(card, details=together(_verdict_words(verdicts), card.details))
+
+
+def _verdict_words(verdicts: Mapping[Axis, Verdict]) -> str:
+    """The verdict on the flown gains, the worst first."""
+    found = [
+        f"{VERDICT_NAMES[words]} ({listed(axes)})"
+        for words in WORST_FIRST
+        if (axes := [axis for axis, each in verdicts.items() if each == words])
+    ]
+    return f"Verdict on the flown gains: {listed(found)}."
+
+
+def _far_from_shaking(review: Review, key: str, title: str) -> Card:
+    """The answer by the margins themselves."""
     judged = [item for axis, margin in review.margins.items() for item in judged_numbers(key, margin.numbers, axis)]
     phases = [margin for margin in judged if margin.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.

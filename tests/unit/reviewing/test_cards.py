@@ -16,6 +16,7 @@ from rotorid.results.summary import Cost
 from rotorid.reviewing.card import STATES, Card
 from rotorid.reviewing.cards import cards
 from rotorid.reviewing.values import Review, Unavailable
+from rotorid.tuning.judging import Breaking, LoopVerdict, Verdict
 
 MODELS = ("rate.roll", "rate.pitch")
 
@@ -228,3 +229,45 @@ def test_a_margin_names_the_end_of_a_derivative_that_moves_in_flight() -> None:
     )
     told = card(replace(seen, margins={**seen.margins, "pitch": pitch}), "margins")
     assert told.number == "pitch M_s 3.00 ± 0.20 with D at its top"
+
+
+def judged(seen: Review, **verdicts: Verdict) -> Card:
+    """The card of margins of a flight whose gains were judged so."""
+    breaking = Breaking(
+        draw=0, situation="", loop="rate", omega_rad_s=60.0, sensitivity_peak=2.6, gain=1.1, phase_deg=-5.0
+    )
+    margins = {
+        axis: replace(
+            one,
+            verdict=LoopVerdict(
+                verdict=verdicts[axis],
+                usual_peak=1.5,
+                refused_peak=1.6,
+                safe_peak=1.7,
+                unstable=0.0,
+                breaking=breaking,
+            ),
+        )
+        if axis in verdicts
+        else one
+        for axis, one in seen.margins.items()
+    }
+    return card(replace(seen, margins=margins), "margins")
+
+
+def test_the_verdict_on_the_flown_gains_is_on_the_card_the_worst_first() -> None:
+    good = judged(measured(), roll="fly", pitch="fly")
+    assert good.state == "good"
+    assert good.details.startswith("Verdict on the flown gains: fly (roll and pitch).")
+    mixed = judged(measured(), roll="fly", pitch="gently")
+    assert mixed.details.startswith("Verdict on the flown gains: fly gently (pitch) and fly (roll).")
+    assert "Verdict" not in card(measured(), "margins").sentence
+
+
+def test_gains_that_must_not_fly_are_no_good_card() -> None:
+    bad = judged(measured(), roll="fly", pitch="do_not_fly")
+    assert bad.state == "look"
+    assert bad.headline == "The pitch loop is too close to shaking on a likely vehicle."
+    assert bad.details.startswith("Verdict on the flown gains: do not fly (pitch) and fly (roll).")
+    # Gusts are no test of a loop whose stick was idle.
+    assert judged(by_gusts("pitch")(measured()), pitch="do_not_fly").state == "part"
