@@ -15,3 +15,6 @@ AnyArray: TypeAlias = NDArray[Any]
 
 Axis: TypeAlias = Literal["roll", "pitch", "yaw", "thrust"]
 """An input axis of a multirotor, as the mixer sees it."""
+
+LoopName: TypeAlias = Literal["roll", "pitch", "yaw", "thrust", "velocity", "climb"]
+"""A loop of a cascade: of an axis, or an outer one, of the horizontal velocity or of the climb, with its position."""

@@ -67,8 +67,8 @@ def proposed() -> TuningProposal:
     ones = np.ones(omega.size, dtype=np.complex128)
     parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, filters=ones, logged=ones)
     found = propose("roll", plant, axis.controller, parts=parts)
-    sets = {"flown": (parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
     drawn = plant.drawn(omega)
+    sets = {"flown": (drawn, parts, found.flown.gains), "proposed": (drawn, parts, found.proposed.gains)}
     time_s = np.linspace(0.0, 2.0, 50)
     tuning = AxisTuning(
         controller=axis,
@@ -76,8 +76,8 @@ def proposed() -> TuningProposal:
         omega_rad_s=omega,
         proposal=found,
         parameters={name: (value, value) for name, value in PARAMETERS.items()},
-        loops=_loops(drawn, sets),
-        responses=_responses(omega, drawn, sets),
+        loops=_loops(sets),
+        responses=_responses(omega, sets),
         step_s=time_s,
         steps={name: np.ones((20, 50)) for name in sets},
         parts=parts,

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from rotorid.data.axes import RATE_OF
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.review import QuantityDocument
@@ -18,9 +17,10 @@ from rotorid.proposing.judging import AxisJudgment, JudgedGains
 from rotorid.proposing.proposal import AxisTuning, PathStep, TuningProposal
 from rotorid.results.model import Refused
 from rotorid.tuning.judging import Verdict
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
-from rotorid.typing import Axis
+from rotorid.typing import LoopName
 
 TUNE, SIGNALS = "tune.json", "tune.npz"
 
@@ -122,7 +122,7 @@ class JudgedDocument(Document):
     """The verdict on the gains of a file: that of every axis that they may change, and the worst of them."""
 
     source: str = ""
-    axes: dict[Axis, AxisJudgedDocument] = Field(default_factory=dict)
+    axes: dict[LoopName, AxisJudgedDocument] = Field(default_factory=dict)
     verdict: Verdict
 
 
@@ -137,7 +137,7 @@ class TuneDocument(Document):
     autopilot: str = ""
     firmware: str = ""
     changed: bool = False
-    axes: dict[Axis, AxisTuneDocument] = Field(default_factory=dict)
+    axes: dict[LoopName, AxisTuneDocument] = Field(default_factory=dict)
     thrust: ThrustDocument | None = None
     robustness: str = ""
     scale: float | None = None
@@ -237,7 +237,7 @@ def _step(step: PathStep, flown: Judged, sweep_to_rad_s: float) -> PathStepDocum
 def _judged(gains: JudgedGains) -> JudgedDocument:
     axes = {axis: _judged_axis(found) for axis, found in gains.axes.items()}
     axes |= {axis: AxisJudgedDocument(verdict="not_enough_data", reasons=[why]) for axis, why in gains.unknown.items()}
-    in_order = {axis: axes[axis] for axis in RATE_OF if axis in axes}
+    in_order = {axis: axes[axis] for axis in KINDS if axis in axes}
     return JudgedDocument(source=gains.source, axes=in_order, verdict=gains.verdict)
 
 

@@ -17,6 +17,7 @@ from rotorid.errors import UsageError
 from rotorid.io import documents
 from rotorid.io.tables.npz import read_arrays
 from rotorid.proposing.check import CheckedAxis, CheckedTuning, Foretold
+from rotorid.proposing.settings import TUNED_AXES
 from rotorid.results.model import Refused
 from rotorid.typing import AnyArray, Axis
 
@@ -129,7 +130,9 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
         raise UsageError(f"{file} is not a proposal: {error}", needed=_WANTED) from error
     signals_file = file.parent / SIGNALS
     arrays = read_arrays(signals_file) if signals_file.is_file() else {}
-    expected = {axis: _foretold(axis, tuning, arrays) for axis, tuning in document.axes.items()}
+    # An outer loop is measured by no second flight yet.
+    own = [axis for axis in TUNED_AXES if axis in document.axes]
+    expected = {axis: _foretold(axis, document.axes[axis], arrays) for axis in own}
     asked = document.provenance.settings.get("robustness")
     if isinstance(asked, (int, float)):
         expected = {axis: replace(foretold, robustness=float(asked)) for axis, foretold in expected.items()}

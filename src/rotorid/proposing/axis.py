@@ -16,7 +16,7 @@ from rotorid.loops.plants import identified_plant
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import (
-    LoggedLoop,
+    FlownLoop,
     at_ends,
     flown_axis,
     require_calm,
@@ -27,10 +27,11 @@ from rotorid.proposing.flown_gains import (
 from rotorid.proposing.plants import plant_of, plant_remarks, rate_model, require_known
 from rotorid.results.model import IdentifiedModel
 from rotorid.tuning.bands import needed_band
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import Wishes
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import Axis, ComplexArray, FloatArray, LoopName
 
 _OF_FIRMWARE = ("firmware_contradicted", "controller_unexplained")
 
@@ -54,15 +55,18 @@ class KnownAxis(Immutable):
         The log with other filters among its parameters; ``None`` where they do not change.
     controller, parts
         The controller and the transfer functions of its gains, with the filters to fly.
+    flown_plant
+        The plant as it flew, where new gains of inner loops change it; ``None`` where it stays.
     """
 
-    flown: LoggedLoop
+    flown: FlownLoop
     plant: UncertainPlant
     omega_rad_s: FloatArray
     flown_parts: ControllerParts
     then: FlightRecord | None
     controller: AxisController
     parts: ControllerParts
+    flown_plant: UncertainPlant | None = None
 
     @property
     def gains(self) -> Gains:
@@ -79,9 +83,11 @@ class KnownAxis(Immutable):
 
 
 def needed_rad_s(
-    axis: Axis, plant: UncertainPlant, controller: AxisController, parts: ControllerParts, wishes: Wishes
+    axis: LoopName, plant: UncertainPlant, controller: AxisController, parts: ControllerParts, wishes: Wishes
 ) -> float:
-    """Upper end in whole rad/s of the sweep that is needed to propose and check gains of an axis.
+    """Upper end in whole rad/s of the sweep that is needed to propose and check gains of a loop.
+
+    That of an outer loop is known wherever its inner loop is.
 
     Parameters
     ----------
@@ -92,6 +98,8 @@ def needed_rad_s(
     parts
         Transfer functions of its gains, with the filters to fly.
     """
+    if KINDS[axis].outer:
+        return plant.band_rad_s[1]
     ends = tuple(at_ends(controller, parts).values())
     return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))
 

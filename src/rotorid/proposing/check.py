@@ -209,11 +209,15 @@ def check_tuning(
         raise UsageError("the proposal contains no axis", needed="a tune.json with gains of at least one axis")
     chosen = replace(settings or TuneSettings(), **options)
     asked = max(item.robustness for item in foretold.values())
-    axes_compared = tuple(axis for axis in chosen.axes if axis in foretold)
+    axes_compared = tuple(axis for axis in chosen.inner if axis in foretold)
     chosen = replace(chosen, axes=axes_compared, filters={}, robustness=asked)
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
-    axes = {axis: _checked(axis, foretold[axis], tuning, _injected(axis, logs)) for axis, tuning in found.axes.items()}
+    axes = {
+        axis: _checked(axis, foretold[axis], found.axes[axis], _injected(axis, logs))
+        for axis in axes_compared
+        if axis in found.axes
+    }
     if not axes:
         raise InsufficientDataError("no axis of the proposal was flown", needed="a sweep on roll, pitch or yaw")
     findings = [_finding(axis, checked) for axis, checked in axes.items()]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from rotorid.signal.autopilot_filters import controller_filters, known_filters
 from rotorid.signal.motors import motor_limits
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.tuning.loops import ControllerParts, Gains
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import Axis, FloatArray, LoopName
 
 _MOST_SATURATED = 0.02
 """Share of the time with a motor at a limit due to roll, pitch and yaw commands, above which nothing is proposed where
@@ -44,6 +45,41 @@ _NOISE_OVER_BAND = 1.5
 
 _FEWEST_NOISE_POINTS = 8
 """Least number of frequencies for an estimate of noise."""
+
+
+class FlownLoop(Protocol):
+    """The controller of a loop as it flew, of an axis or an outer one."""
+
+    @property
+    def axis(self) -> LoopName:
+        """Its name."""
+
+    @property
+    def controller(self) -> AxisController:
+        """As flown."""
+
+    @property
+    def record(self) -> FlightRecord:
+        """Its log."""
+
+    @property
+    def source(self) -> str:
+        """Place of what the loop controls in the log."""
+
+    @property
+    def passed(self) -> tuple[KnownFilter, ...]:
+        """Filters on it."""
+
+    def parts(
+        self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
+    ) -> ControllerParts:
+        """Transfer functions of the gains, with the flown filters or those of another record's parameters."""
+
+    def with_parameters(self, record: FlightRecord) -> AxisController:
+        """The controller by the parameters of another record."""
+
+    def rate_noise(self, omega_rad_s: FloatArray, band_rad_s: tuple[float, float], /) -> FloatArray | None:
+        """Density of the noise of what the loop controls; ``None`` if not measured."""
 
 
 @dataclass(frozen=True, kw_only=True)

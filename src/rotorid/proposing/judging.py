@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeAlias
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
@@ -22,18 +23,21 @@ from rotorid.errors import InsufficientDataError, UsageError, nearest_name
 from rotorid.models.autopilots import betaflight
 from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
-from rotorid.models.autopilots.gains import Parameter, ahead_of, letter_of, parameters_of
-from rotorid.models.autopilots.settings import AxisController, Version, loop_settings, version_of
+from rotorid.models.autopilots.gains import ahead_of, letter_of, parameters_of
+from rotorid.models.autopilots.outer import OUTER_LOOPS, as_logged, outer_names, outer_settings
+from rotorid.models.autopilots.settings import AxisController, Parameter, Version, loop_settings, version_of
 from rotorid.proposing.axis import KnownAxis
-from rotorid.proposing.flown_gains import LoggedLoop, at_ends
+from rotorid.proposing.flown_gains import FlownLoop, at_ends
+from rotorid.proposing.outer import with_values
 from rotorid.proposing.steps import attitude_steps
 from rotorid.signal.autopilot_filters import filter_findings
 from rotorid.tuning.gain_files import LARGEST_BYTES, GainFile, read_gains
 from rotorid.tuning.judging import CommandNoise, Figures, LoopVerdict, Verdict, loop_verdict, situations_of, worst
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import Judged, judged
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import Axis, FloatArray, LoopName
 
 _WHOLE_FILE = 40
 """Parameters from which a file counts as all of a vehicle's: then none of its gains may be missing."""
@@ -71,7 +75,7 @@ class AxisJudgment(Immutable):
     Parameters
     ----------
     axis
-        ``roll``, ``pitch`` or ``yaw``.
+        ``roll``, ``pitch`` or ``yaw``, or an outer loop.
     found
         The verdict, with the plant that decides it.
     verdict
@@ -95,7 +99,7 @@ class AxisJudgment(Immutable):
         draws; only of loops that are stable on all of them.
     """
 
-    axis: Axis
+    axis: LoopName
     found: LoopVerdict
     verdict: Verdict
     judged: Judged
@@ -129,8 +133,8 @@ class JudgedGains(Immutable):
     """
 
     source: str
-    axes: Mapping[Axis, AxisJudgment]
-    unknown: Mapping[Axis, str] = field(default_factory=dict)
+    axes: Mapping[LoopName, AxisJudgment]
+    unknown: Mapping[LoopName, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
@@ -164,12 +168,25 @@ def load_gains(path: Path | str) -> GainFile:
     return read_gains(data.decode("utf-8", errors="replace"), name=place.name)
 
 
+OuterOf: TypeAlias = Callable[[LoopName, Mapping[str, float]], KnownAxis]
+"""An outer loop with its plant, around inner loops with the parameters of a file."""
+
+
+def _changes_outer(loop: LoopName, values: Mapping[str, float], logged: Mapping[str, float]) -> bool:
+    """Whether a file changes a gain or a filter of an outer loop, or consists of little else."""
+    named = [name for name in outer_names(loop) if name in values]
+    few = len(values) <= _WHOLE_FILE
+    return any(few or not _is_same(values[name], logged.get(name, math.nan)) for name in named)
+
+
 def judge_gains(
     gains: GainFile,
     known: Mapping[Axis, KnownAxis],
     refused: Mapping[Axis, InsufficientDataError],
     *,
     gain_range: tuple[float, float] = (1.0, 1.0),
+    outer: OuterOf | None = None,
+    asked: Sequence[LoopName] = (),
 ) -> JudgedGains:
     """The verdict on the gains of a file.
 
@@ -183,6 +200,10 @@ def judge_gains(
         Other axes, with the reason.
     gain_range
         Least and largest gain of the loops over the flown throttle, relative to hover.
+    outer
+        What gives an outer loop around the loops with the gains of the file; without it none is judged.
+    asked
+        Outer loops that are judged although the file leaves their gains as they flew.
 
     Raises
     ------
@@ -190,9 +211,11 @@ def judge_gains(
         The gains are not for this vehicle, out of range, or incomplete.
     """
     findings: list[Finding] = []
-    axes: dict[Axis, AxisJudgment] = {}
+    axes: dict[LoopName, AxisJudgment] = {}
     flown = {axis: one.flown for axis, one in known.items()}
     values = _values(gains, (*known, *refused), flown)
+    logged = next((one.record.parameters for one in flown.values()), {})
+    values = as_logged(values, logged)
     wanted = _axes_of(gains, values)
     if gains.defaults_first or len(gains.values) > _WHOLE_FILE:
         _require_whole(gains, flown)
@@ -200,10 +223,23 @@ def judge_gains(
         left_out = _require_same_vehicle(gains, values, one.flown)
         findings += [finding for finding in left_out if finding not in findings]
         if axis in wanted:
-            then = one.flown.with_parameters(_replaced(one.flown.record, values))
+            then = one.flown.with_parameters(with_values(one.flown.record, values))
             findings += _require_ranges(one.flown.controller, then)
             axes[axis] = judge_axis(axis, one, values, gain_range=gain_range)
-    unknown = {axis: str(why) for axis, why in refused.items() if axis in wanted}
+    unknown: dict[LoopName, str] = {axis: str(why) for axis, why in refused.items() if axis in wanted}
+    around = [loop for loop in OUTER_LOOPS if loop in asked or _changes_outer(loop, values, logged)]
+    for loop in around:
+        if outer is None:
+            break
+        try:
+            one = outer(loop, values)
+        except InsufficientDataError as error:
+            unknown[loop] = str(error)
+        else:
+            findings += _require_ranges(
+                one.flown.controller, one.flown.with_parameters(with_values(one.flown.record, values))
+            )
+            axes[loop] = judge_axis(loop, one, values)
     if not axes and not unknown:
         raise UsageError(
             f"{gains.name} contains no gains of {' or '.join((*known, *refused))}",
@@ -229,7 +265,7 @@ def _axes_of(gains: GainFile, values: Mapping[str, float]) -> tuple[Axis, ...]:
     return tuple(axis for axis in _NAMES_OF if any(axis in axes for axes in named_by.values()))
 
 
-def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, LoggedLoop]) -> dict[str, float]:
+def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, FlownLoop]) -> dict[str, float]:
     """Parameters of a file by the names of the log, gains by hand among them."""
     values = dict(gains.values)
     for name, by_letter in gains.by_hand.items():
@@ -251,7 +287,7 @@ def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, LoggedLo
     return values
 
 
-def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: LoggedLoop) -> list[Finding]:
+def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: FlownLoop) -> list[Finding]:
     """Refuse parameters that are not this vehicle's; remarks on those that no loop depends on."""
     record = flown.record
     autopilot = flown.controller.autopilot
@@ -288,7 +324,7 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: L
                 remedy=f"did you mean {near}?" if near else "export the gains from this version of the firmware",
             )
         left_out.append(written)
-    if not loop_settings(values):
+    if not loop_settings(values) and not outer_settings(values):
         raise UsageError(f"{gains.name} contains no gain and no filter of {autopilot}", needed="gains or filters")
     if not left_out or not few:
         return []
@@ -296,7 +332,7 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: L
     return [remark("gains_left_out", gains.name, f"No rate or angle loop depends on {names}; these were not judged.")]
 
 
-def _require_same_version(gains: GainFile, flown: LoggedLoop) -> None:
+def _require_same_version(gains: GainFile, flown: FlownLoop) -> None:
     theirs, ours = version_of(gains.firmware), version_of(flown.controller.firmware)
     if gains.autopilot != betaflight.NAME or theirs is None or ours is None:
         return
@@ -312,7 +348,7 @@ def _require_same_version(gains: GainFile, flown: LoggedLoop) -> None:
         )
 
 
-def _require_whole(gains: GainFile, flown: Mapping[Axis, LoggedLoop]) -> None:
+def _require_whole(gains: GainFile, flown: Mapping[Axis, FlownLoop]) -> None:
     """Refuse a file of all parameters in which a gain is missing, and a ``diff`` that leaves it at a default."""
     missing = []
     for one in flown.values():
@@ -327,17 +363,12 @@ def _require_whole(gains: GainFile, flown: Mapping[Axis, LoggedLoop]) -> None:
         )
 
 
-def _merged(record: FlightRecord, values: Mapping[str, float], flown: LoggedLoop) -> AxisController:
-    return flown.with_parameters(_replaced(record, values))
-
-
-def _replaced(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
-    """The log with other parameters of its loops."""
-    return replace(record, parameters={**record.parameters, **loop_settings(values)})
+def _merged(record: FlightRecord, values: Mapping[str, float], flown: FlownLoop) -> AxisController:
+    return flown.with_parameters(with_values(record, values))
 
 
 def judge_axis(
-    axis: Axis,
+    axis: LoopName,
     known: KnownAxis,
     values: Mapping[str, float],
     *,
@@ -358,16 +389,16 @@ def judge_axis(
         Whether to look for what to lower and to compute steps, which takes longest.
     """
     record = known.flown.record
-    then = _replaced(record, values)
+    then = with_values(record, values)
     controller = known.flown.with_parameters(then)
-    grids = [frequency_grid(one.controller) for one in (known.flown.controller, controller)]
+    grids = [frequency_grid(one.controller, axis) for one in (known.flown.controller, controller)]
     omega = min(grids, key=lambda grid: float(grid[-1]))
     noise = known.flown.rate_noise(omega, known.plant.band_rad_s)
     flown_parts = known.flown.parts(omega, noise=noise)
     parts = known.flown.parts(omega, then=then, noise=noise)
     own = Gains.of(controller.controller)
     scores = _scores(known.plant, parts, own)
-    before = _scores(known.plant, flown_parts, known.gains)
+    before = _scores(known.flown_plant or known.plant, flown_parts, known.gains)
     of_command = CommandNoise(
         rms=scores.noise if noise is not None else None, ratio=scores.noise / max(before.noise, 1e-300)
     )
@@ -478,7 +509,7 @@ def _is_same(value: float, other: float) -> bool:
     return math.isclose(value, other, rel_tol=_SAME, abs_tol=_SAME)
 
 
-def _doubts(flown: LoggedLoop, record: FlightRecord, then: FlightRecord, values: Mapping[str, float]) -> Iterator[str]:
+def _doubts(flown: FlownLoop, record: FlightRecord, then: FlightRecord, values: Mapping[str, float]) -> Iterator[str]:
     """What the file changes and no flight shows, as sentences."""
     for name in _OF_PLANT:
         if name in values and not _is_same(values[name], record.parameters.get(name, values[name])):
@@ -490,6 +521,8 @@ def _doubts(flown: LoggedLoop, record: FlightRecord, then: FlightRecord, values:
         if values.get(name, 0.0) > 0.0 and not _is_same(values[name], record.parameters.get(name, 0.0)):
             yield f"{name} follows the throttle, which is not modeled."
     source = flown.source
+    if KINDS[flown.axis].outer:
+        return
     before = _unknown_filters(record, source)
     yield from (message for message in _unknown_filters(then, source) if message not in before)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -29,12 +30,13 @@ from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flying.next_steps import sweep_for_tune
 from rotorid.io.records import as_records
-from rotorid.models.autopilots.gains import Parameter, parameters_of
-from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.autopilots.gains import parameters_of
+from rotorid.models.autopilots.settings import AxisController, Parameter
 from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, needed_rad_s
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
-from rotorid.proposing.flown_gains import LoggedLoop, at_ends, flown_controllers, settings_records
+from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
 from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
+from rotorid.proposing.outer import InnerLoop, OuterMaterial, known_outer, with_values
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.steps import attitude_steps, step_times_s
@@ -46,10 +48,11 @@ from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
 from rotorid.tuning.gain_files import GainFile
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import Axis, ComplexArray, FloatArray, LoopName
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -187,7 +190,7 @@ class TuningProposal(Immutable):
 
     autopilot: str
     firmware: str
-    axes: Mapping[Axis, AxisTuning]
+    axes: Mapping[LoopName, AxisTuning]
     thrust: ThrustLinearization | None
     scale: float | None
     files: Mapping[str, str]
@@ -234,7 +237,7 @@ def tune(
     judge: GainFile | Path | str | None = None,
     **options: Any,
 ) -> TuningProposal:
-    """Propose gains of roll, pitch and yaw.
+    """Propose gains of roll, pitch and yaw, and of the outer loops around them.
 
     Parameters
     ----------
@@ -272,7 +275,7 @@ def tune(
     if not given and not logs:
         raise UsageError("nothing to tune", remedy="give logs, results of identify, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]
-    findings += [*require_one_autopilot(given, logs), *differing_gains(chosen.axes, logs)]
+    findings += [*require_one_autopilot(given, logs), *differing_gains(chosen.inner, logs)]
     settings_from = settings_records(given, logs)
     autopilot = next((name for record in settings_from if (name := writer_of(record).name)), "")
     thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
@@ -280,7 +283,7 @@ def tune(
     known: dict[Axis, KnownAxis] = {}
     refused: dict[Axis, InsufficientDataError] = {}
     look = {"draws": chosen.draws, "seed": chosen.seed}
-    for axis in chosen.axes:
+    for axis in chosen.inner:
         _PROGRESS.info(f"tuning {axis}")
         try:
             known[axis] = known_axis(axis, given, logs, filters=chosen.filters, findings=findings, **look)
@@ -291,42 +294,62 @@ def tune(
             # What fails on one axis ends no other.
             refused[axis], remarks = _refused(axis, failure)
             findings += [finding for finding in remarks if finding not in findings]
+    cascade = _Cascade(given, logs, chosen, dict(known))
     verdict = None
-    if foreign is not None and known:
+    if foreign is not None and (known or (chosen.outer and cascade.known)):
         verdict = judge_gains(
-            foreign, known, refused, gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0)
+            foreign,
+            known or cascade.known,
+            refused,
+            gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
+            outer=cascade.with_parameters,
+            asked=chosen.outer,
         )
         findings += verdict.findings
+    axes: dict[LoopName, AxisTuning] = {}
+    shared: list[Finding] = []
     while known:
         try:
-            axes, shared = _axes(known, chosen, thrust)
+            inner, shared = _axes(known, chosen, thrust)
+            axes = {**axes, **dict(inner.items())}
             break
         except _AxisError as failed:
             # What another axis was tuned to, or shares with it, is found anew without it.
             del known[failed.axis]
             refused[failed.axis], remarks = _refused(failed.axis, failed.cause)
             findings += [finding for finding in remarks if finding not in findings]
-    else:
+    every: dict[LoopName, KnownAxis] = dict(known.items())
+    for loop in chosen.outer:
+        _PROGRESS.info(f"tuning {loop}")
+        try:
+            every[loop], remarks = cascade.outer(loop, axes)
+            axes[loop] = _axis(loop, every[loop], chosen, None)
+        except UsageError:
+            raise
+        except Exception as failure:
+            remarks = _refused(loop, failure)[1]
+        findings += [finding for finding in remarks if finding not in findings]
+    if not axes:
         raise InsufficientDataError(
             "no axis can be tuned from this data",
             remedy="see below what each axis needs",
             findings=worst_first(findings)
             or [refusal("not_tuned", "all axes", "No axis can be tuned from this data.")],
         )
-    for axis, tuning in axes.items():
+    for loop, tuning in axes.items():
         try:
-            path = _path(axis, known[axis], tuning.proposal, chosen, thrust)
+            path = _path(loop, every[loop], tuning.proposal, chosen, None if KINDS[loop].outer else thrust)
         except Exception as failure:
             # The gains stand without their flights.
-            error = reason_of(failure, f"flights to the goal of {axis}")
-            findings.append(warn("internal_error", axis, f"{capital(str(error)).rstrip('.')}."))
+            error = reason_of(failure, f"flights to the goal of {loop}")
+            findings.append(warn("internal_error", loop, f"{capital(str(error)).rstrip('.')}."))
         else:
-            axes[axis] = replace(tuning, path=path)
+            axes[loop] = replace(tuning, path=path)
     findings += shared
     findings += _remarks(axes, settings_from)
     if chosen.filters:
         findings += require_filters_hold(
-            {axis: known[axis] for axis, tuned in axes.items() if not tuned.proposal.changed},
+            {axis: one for axis, one in known.items() if not axes[axis].proposal.changed},
             {axis: refused.get(axis) for axis in TUNED_AXES if axis not in axes},
             given,
             logs,
@@ -337,6 +360,67 @@ def tune(
     return replace(_together(axes, findings, logs, given, chosen, thrust), judged=verdict)
 
 
+class _Cascade:
+    """Outer loops around the inner ones, as flown and as they will fly."""
+
+    def __init__(
+        self,
+        given: Sequence[IdentifiedModel],
+        logs: Sequence[FlightRecord],
+        settings: TuneSettings,
+        known: Mapping[Axis, KnownAxis],
+    ) -> None:
+        self._asked, self._given, self._logs, self._settings = known, tuple(given), tuple(logs), settings
+
+    @cached_property
+    def known(self) -> dict[Axis, KnownAxis]:
+        """Inner loops: those that are tuned, and roll and pitch where they are known."""
+        found, own = dict(self._asked), self._settings
+        for axis in TUNED_AXES[:2]:
+            if axis not in found and axis not in own.inner:
+                with suppress(InsufficientDataError):
+                    found[axis] = known_axis(
+                        axis,
+                        self._given,
+                        self._logs,
+                        filters=own.filters,
+                        draws=own.draws,
+                        seed=own.seed,
+                        findings=[],
+                    )
+        return found
+
+    def outer(self, loop: LoopName, tuned: Mapping[LoopName, AxisTuning]) -> tuple[KnownAxis, list[Finding]]:
+        """An outer loop around loops with their proposed gains."""
+        new = {
+            axis: InnerLoop(one, tuned[axis].proposal.proposed.gains if axis in tuned else one.gains, one.then)
+            for axis, one in self.known.items()
+        }
+        return known_outer(loop, self._material(self._flown), self._material(new))
+
+    def with_parameters(self, loop: LoopName, values: Mapping[str, float]) -> KnownAxis:
+        """An outer loop around loops with the parameters of a file."""
+        then = {axis: with_values(one.flown.record, values) for axis, one in self.known.items()}
+        new = {
+            axis: InnerLoop(one, Gains.of(one.flown.with_parameters(then[axis]).controller), then[axis])
+            for axis, one in self.known.items()
+        }
+        return known_outer(loop, self._material(self._flown), self._material(new))[0]
+
+    @property
+    def _flown(self) -> dict[Axis, InnerLoop]:
+        return {axis: InnerLoop(one, one.gains) for axis, one in self.known.items()}
+
+    def _material(self, inner: Mapping[Axis, InnerLoop]) -> OuterMaterial:
+        return OuterMaterial(
+            given=self._given,
+            logs=self._logs,
+            inner=inner,
+            draws=self._settings.draws,
+            seed=self._settings.seed,
+        )
+
+
 class _AxisError(Exception):
     """An axis fails where gains are searched; all others stand."""
 
@@ -345,7 +429,7 @@ class _AxisError(Exception):
         self.axis, self.cause = axis, cause
 
 
-def _refused(axis: Axis, failure: Exception) -> tuple[InsufficientDataError, list[Finding]]:
+def _refused(axis: LoopName, failure: Exception) -> tuple[InsufficientDataError, list[Finding]]:
     """Why an axis has no gains, and what to say of it."""
     error = reason_of(failure, f"gains of {axis}")
     lack = error if isinstance(error, InsufficientDataError) else None
@@ -416,7 +500,7 @@ def _angle(known: KnownAxis) -> Parameter | None:
 
 
 def _axis(
-    axis: Axis,
+    axis: LoopName,
     known: KnownAxis,
     settings: TuneSettings,
     thrust: ThrustLinearization | None,
@@ -439,30 +523,45 @@ def _axis(
     )
     if found.changed:
         found = replace(found, proposed=_scores(known, parts, rounded(controller, found.proposed.gains)))
-    elif then is not None:
+    elif then is not None or known.flown_plant is not None:
         # Gains that stay fly the other filters too.
         found = replace(found, proposed=_scores(known, parts, found.flown.gains))
         found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
-    sets = {"flown": (known.flown_parts, found.flown.gains), "proposed": (parts, found.proposed.gains)}
+    before = known.flown_plant or plant
+    if known.flown_plant is not None:
+        # What flew had the inner loops of that flight.
+        scores = judged(known.flown_parts, before.drawn(omega), found.flown.gains, from_rad_s=before.known_from_rad_s)
+        better = float(np.median(found.proposed.attitude_rms / scores.attitude_rms))
+        found = replace(found, flown=scores, better=better)
+    sets = {
+        "flown": (before.drawn(omega), known.flown_parts, found.flown.gains),
+        "proposed": (drawn, parts, found.proposed.gains),
+    }
     return AxisTuning(
         controller=flown.controller,
         plant=plant,
         omega_rad_s=omega,
         proposal=found,
         parameters=_parameters(known, settings, found),
-        loops=_loops(drawn, sets),
-        responses=_responses(omega, drawn, sets),
+        loops=_loops(sets),
+        responses=_responses(omega, sets),
         parts=parts,
         wishes=wishes,
-        prices=prices(then or flown.record, controller, parts, plant.response(omega), found.proposed.gains),
+        prices=prices(
+            None if KINDS[axis].outer else then or flown.record,
+            controller,
+            parts,
+            plant.response(omega),
+            found.proposed.gains,
+        ),
         ends={name: _scores(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.rate_noise is not None,
-        **_steps(flown, then, plant, found),
+        **_steps(flown, then, (before, plant), found),
     )
 
 
 def _path(
-    axis: Axis, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
+    axis: LoopName, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
 ) -> tuple[PathStep, ...]:
     """The flights to the goal, gains as the firmware will hold them; an angle gain of two axes stays as proposed."""
     wishes = wishes_of(known.controller, settings, thrust)
@@ -524,9 +623,9 @@ def _with_end(gains: Gains, end: ControllerParts) -> Gains:
     return replace(gains, D=end.controller.derivative_s2)
 
 
-def _remarks(axes: Mapping[Axis, AxisTuning], settings_from: Sequence[FlightRecord]) -> Iterator[Finding]:
+def _remarks(axes: Mapping[LoopName, AxisTuning], settings_from: Sequence[FlightRecord]) -> Iterator[Finding]:
     """Why gains do not change, what limits them, and which sweep would measure more."""
-    short = [axis for axis, tuned in axes.items() if _ends_early(tuned)]
+    short = [axis for axis in TUNED_AXES if axis in axes and _ends_early(axes[axis])]
     command = sweep_for_tune(settings_from[0], short) if short and settings_from else ""
     plan = f", planned by: {command}" if command else "."
     for axis, tuned in axes.items():
@@ -563,37 +662,41 @@ def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -
     flown, then = known.flown.controller, known.controller
     new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
     before = {**flown.gains, **flown.filters}
+    if KINDS[known.flown.axis].outer:
+        return {name: (value, new.get(name, value)) for name, value in before.items()}
     gyro = changed_filters(known.flown.record, settings.filters, gyro=True)
     return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
 
 
-_Sets = Mapping[str, tuple[ControllerParts, Gains]]
+_Sets = Mapping[str, tuple[ComplexArray, ControllerParts, Gains]]
 
 
-def _loops(drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
-    rate = {name: drawn * parts.rate(gains) for name, (parts, gains) in sets.items()}
-    return rate | {f"{name}_whole": drawn * parts.whole(gains) for name, (parts, gains) in sets.items()}
+def _loops(sets: _Sets) -> dict[str, ComplexArray]:
+    rate = {name: drawn * parts.rate(gains) for name, (drawn, parts, gains) in sets.items()}
+    return rate | {f"{name}_whole": drawn * parts.whole(gains) for name, (drawn, parts, gains) in sets.items()}
 
 
-def _responses(omega: FloatArray, drawn: ComplexArray, sets: _Sets) -> dict[str, ComplexArray]:
+def _responses(omega: FloatArray, sets: _Sets) -> dict[str, ComplexArray]:
     """The attitude over its set-point, and over a moment given as a command."""
     found = {}
-    for name, (parts, gains) in sets.items():
+    for name, (drawn, parts, gains) in sets.items():
         closed = 1.0 / (1.0 + drawn * parts.whole(gains))
         found[f"attitude_{name}"] = drawn * parts.angle(gains) * closed
         found[f"disturbance_{name}"] = drawn / (1j * omega) * closed
     return found
 
 
-def _steps(flown: LoggedLoop, then: FlightRecord | None, plant: UncertainPlant, found: AxisProposal) -> dict[str, Any]:
-    """Step response of the attitude with both gains, on all plants."""
-    sets = {"flown": (None, found.flown.gains), "proposed": (then, found.proposed.gains)}
-    steps = {name: attitude_steps(flown, plant, gains, then=record) for name, (record, gains) in sets.items()}
-    return {"step_s": step_times_s(), "steps": steps}
+def _steps(
+    flown: FlownLoop, then: FlightRecord | None, plants: tuple[UncertainPlant, UncertainPlant], found: AxisProposal
+) -> dict[str, Any]:
+    """Step response of the attitude with both gains, on all plants, as flown and as they will be."""
+    sets = {"flown": (plants[0], None, found.flown.gains), "proposed": (plants[1], then, found.proposed.gains)}
+    steps = {name: attitude_steps(flown, plant, gains, then=record) for name, (plant, record, gains) in sets.items()}
+    return {"step_s": step_times_s(flown.axis), "steps": steps}
 
 
 def _together(
-    axes: Mapping[Axis, AxisTuning],
+    axes: Mapping[LoopName, AxisTuning],
     findings: Sequence[Finding],
     logs: Sequence[FlightRecord],
     given: Sequence[IdentifiedModel],
@@ -642,7 +745,7 @@ def _scale(models: Sequence[IdentifiedModel]) -> float | None:
 
 
 def _straightened(
-    axes: Mapping[Axis, AxisTuning],
+    axes: Mapping[LoopName, AxisTuning],
     thrust: ThrustLinearization,
     given: Sequence[IdentifiedModel],
     logs: Sequence[FlightRecord],
@@ -656,7 +759,7 @@ def _straightened(
     UsageError
         A gain leaves its range, or is not known.
     """
-    controllers = {axis: tuning.controller for axis, tuning in axes.items()}
+    controllers = {axis: axes[axis].controller for axis in TUNED_AXES if axis in axes}
     controllers |= flown_controllers((axis for axis in TUNED_AXES if axis not in axes), given, logs)
     if unknown := [axis for axis in TUNED_AXES if axis not in controllers]:
         named = " and ".join(unknown)

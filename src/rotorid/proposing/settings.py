@@ -10,9 +10,12 @@ from rotorid.settings.option import Option, Settings, Text, Written, require_see
 from rotorid.settings.parsing import NAMES, parse_assignments
 
 if TYPE_CHECKING:
-    from rotorid.typing import Axis
+    from rotorid.typing import Axis, LoopName
 
 TUNED_AXES: "tuple[Axis, ...]" = ("roll", "pitch", "yaw")
+_OUTER: "tuple[LoopName, ...]" = ("velocity", "climb")
+_POSITION = "position"
+"""Its gain is the A of the velocity, as that of the angle is the A of a rate: both are tuned together."""
 GAINS = ("P", "I", "D", "A")
 """A is the angle gain."""
 
@@ -45,7 +48,8 @@ class TuneSettings(Settings):
     Parameters
     ----------
     axes
-        Axes to tune; all by default.
+        Axes to tune; roll, pitch and yaw by default. ``velocity`` is the horizontal velocity with its position
+        (``position`` means the same), ``climb`` the vertical one with the height.
     robustness
         Largest sensitivity peak M_s of the rate loop and of the whole loop, on 95 of 100 likely plants.
     noise
@@ -74,15 +78,15 @@ class TuneSettings(Settings):
     """
 
     axes: Annotated[
-        "tuple[Axis, ...]",
+        "tuple[LoopName, ...]",
         Option(
             "--axes",
-            f"Axes to tune. [default: {','.join(TUNED_AXES)}]",
+            f"Axes to tune, and outer loops: velocity (with position), climb. [default: {','.join(TUNED_AXES)}]",
             "Gains",
             NAMES,
             metavar="AXIS,...",
             also="--axis",
-            words=TUNED_AXES,
+            words=(*TUNED_AXES, "velocity", _POSITION, "climb"),
         ),
     ] = TUNED_AXES
     robustness: Annotated[
@@ -127,7 +131,8 @@ class TuneSettings(Settings):
             raise UsageError(f"unknown gain {wrong[0]!r}", remedy="use P, I, D or A (angle)")
         # Stored as the gains that stay, so that a choice is written in one way.
         keep = tuple(name for name in GAINS if name not in self.only) if self.only else tuple(self.keep)
-        self._set(axes=tuple(self.axes), keep=keep, only=(), filters=self.filters)
+        axes = dict.fromkeys("velocity" if axis == _POSITION else axis for axis in self.axes)
+        self._set(axes=tuple(axes), keep=keep, only=(), filters=self.filters)
         require_seed(self.seed)
         if not 1.2 <= self.robustness <= 2.5:
             raise UsageError(f"--robustness {self.robustness:g} is out of range", needed="M_s from 1.2 to 2.5")
@@ -135,9 +140,20 @@ class TuneSettings(Settings):
             raise UsageError(f"--noise {self.noise:g} is out of range", needed="a factor from 0.1 to 10")
         if len(set(self.keep)) == len(GAINS):
             raise UsageError("no gain may change", needed="at least one gain that is not kept")
-        if wrong_axes := [axis for axis in self.axes if axis not in TUNED_AXES]:
-            raise UsageError(f"unknown axis {wrong_axes[0]!r}", remedy="use roll, pitch or yaw")
+        if wrong_axes := [axis for axis in self.axes if axis not in (*TUNED_AXES, *_OUTER)]:
+            remedy = "use roll, pitch, yaw, velocity, position or climb"
+            raise UsageError(f"unknown axis {wrong_axes[0]!r}", remedy=remedy)
         if self.scale is not None and not 1.0 <= self.scale <= 1000.0:
             raise UsageError(f"--scale {self.scale:g} is out of range", needed="a factor from 1 to 1000")
         if not 10 <= self.draws <= 1000:
             raise UsageError(f"{self.draws} draws are out of range", needed="10 to 1000 draws")
+
+    @property
+    def inner(self) -> "tuple[Axis, ...]":
+        """The axes among them whose rate and angle loops are tuned."""
+        return tuple(axis for loop in self.axes for axis in TUNED_AXES if axis == loop)
+
+    @property
+    def outer(self) -> "tuple[LoopName, ...]":
+        """The outer loops among them."""
+        return tuple(loop for loop in self.axes if loop in _OUTER)

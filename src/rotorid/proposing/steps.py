@@ -5,23 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from rotorid.data.record import FlightRecord
-from rotorid.proposing.flown_gains import LoggedLoop
+from rotorid.proposing.flown_gains import FlownLoop
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import Gains
 from rotorid.tuning.plant import UncertainPlant
-from rotorid.typing import FloatArray
+from rotorid.typing import FloatArray, LoopName
 
-_RATE_HZ, _SAMPLES, _SHOWN_S = 250.0, 4096, 2.0
+_SAMPLES = 4096
 
 
-def step_times_s() -> FloatArray:
+def step_times_s(loop: LoopName = "roll") -> FloatArray:
     """Seconds of the samples of :func:`attitude_steps`, shape ``(n,)``."""
-    return np.asarray(np.arange(round(_SHOWN_S * _RATE_HZ)) / _RATE_HZ, dtype=np.float64)
+    kind = KINDS[loop]
+    return np.asarray(np.arange(round(kind.step_shown_s * kind.step_rate_hz)) / kind.step_rate_hz, dtype=np.float64)
 
 
 def attitude_steps(
-    flown: LoggedLoop, plant: UncertainPlant, gains: Gains, *, then: FlightRecord | None = None
+    flown: FlownLoop, plant: UncertainPlant, gains: Gains, *, then: FlightRecord | None = None
 ) -> FloatArray:
     """Attitude after a step of its set-point, or the angle after a step of the rate where no angle loop is closed.
+
+    Of an outer loop the position, or the velocity.
 
     Of loops that are stable: of others the response has no steady state, and the result means nothing.
 
@@ -39,9 +43,10 @@ def attitude_steps(
     array
         Shape ``(draws, n)``.
     """
-    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_SAMPLES, 1.0 / _RATE_HZ), dtype=np.float64)
+    rate_hz, shown = KINDS[flown.axis].step_rate_hz, step_times_s(flown.axis).size
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(_SAMPLES, 1.0 / rate_hz), dtype=np.float64)
     omega[0] = omega[1] * 1e-3
     drawn, parts = plant.drawn(omega), flown.parts(omega, then=then)
     by_setpoint = drawn * (parts.angle(gains) if gains.A > 0.0 else parts.rate(gains))
     impulse = np.fft.irfft(by_setpoint / (1.0 + drawn * parts.whole(gains)), n=_SAMPLES, axis=1)
-    return np.asarray(np.cumsum(impulse, axis=1)[:, : round(_SHOWN_S * _RATE_HZ)])
+    return np.asarray(np.cumsum(impulse, axis=1)[:, :shown])

@@ -22,7 +22,7 @@ from rotorid.models.autopilots.gains import letter_of
 from rotorid.plot.curves import Frequency
 from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
 from rotorid.tuning.proposal import Wishes
-from rotorid.typing import Axis
+from rotorid.typing import LoopName
 
 LIMIT_IS_KEPT = "95 % of the likely vehicles stay within it, so an interval may end slightly above"
 """Why the upper end of a 95 % interval may lie above a limit that the gains keep."""
@@ -90,7 +90,7 @@ def _of_today(tuning: AxisTuneDocument) -> bool:
 
 def _disturbance(document: TuneDocument, axes: Sequence[Axis]) -> str:
     """What a disturbance does to the vehicle compared with today; axes that change alike share a clause."""
-    alike: dict[tuple[str, str], list[Axis]] = {}
+    alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis in axes:
         motion = "turns" if axis == "yaw" else "tilts"
         alike.setdefault((motion, _less(document.axes[axis].attitude_ratio)), []).append(axis)
@@ -146,7 +146,7 @@ def judged_sentences(document: TuneDocument) -> tuple[str, ...]:
     return (named_file, *(verdict_sentence(axis, found) for axis, found in judged.axes.items()))
 
 
-def verdict_sentence(axis: Axis, found: AxisJudgedDocument) -> str:
+def verdict_sentence(axis: LoopName, found: AxisJudgedDocument) -> str:
     """The verdict on the gains of an axis, its reason, what they bring, and what to lower."""
     words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
@@ -198,7 +198,7 @@ def _share(share: float) -> str:
 
 def axis_sentences(document: TuneDocument) -> tuple[tuple[str, str], ...]:
     """New gains, or that today's stay, with what limits them; axes of which the same is true share a sentence."""
-    alike: dict[tuple[str, str], list[Axis]] = {}
+    alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis, tuning in document.axes.items():
         alike.setdefault((_gains_words(tuning), limiting(tuning)), []).append(axis)
     return tuple((f"{capital(listed(axes))}: {words}.", limits) for (words, limits), axes in alike.items())
@@ -294,7 +294,7 @@ def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
     return tuple(found)
 
 
-def _missed(axis: Axis, loop: str, name: str, quantity: QuantityDocument) -> str:
+def _missed(axis: LoopName, loop: str, name: str, quantity: QuantityDocument) -> str:
     """That a margin is not in the range that is fine; empty where it is."""
     figure = QUANTITIES[name]
     least = 20.0 * math.log10(Wishes().gain_margin) if name == "gain_margin_db" else figure.good_above

@@ -16,7 +16,7 @@ from rotorid.models.controller import RateController
 from rotorid.tuning.loops import ControllerParts
 from rotorid.tuning.plant import certain_plant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, propose
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 BAND_OVER_CROSSOVER = 1.5
 """A plant that was not measured so far beyond the crossover of its loop is the model's there."""
@@ -30,7 +30,7 @@ LOWEST_RAD_S = 2.0
 
 
 def needed_band(
-    axis: Axis,
+    axis: LoopName,
     plant: Callable[[FloatArray], ComplexArray],
     controller: RateController,
     parts: ControllerParts,
@@ -66,7 +66,7 @@ def needed_band(
 
 
 def foreseen(
-    axis: Axis,
+    axis: LoopName,
     plant: Callable[[FloatArray], ComplexArray],
     controller: RateController,
     parts: ControllerParts,

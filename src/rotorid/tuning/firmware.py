@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from rotorid.errors import UsageError
-from rotorid.models.autopilots.gains import Parameter, ahead_of, parameters_of
-from rotorid.models.autopilots.settings import AxisController
+from rotorid.models.autopilots.gains import ahead_of, parameters_of
+from rotorid.models.autopilots.settings import AxisController, Parameter
 from rotorid.tuning.loops import Gains
 
 _SAME = 1e-6

@@ -18,13 +18,14 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.models.controller import RateController
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.tuning.kinds import KINDS
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 GRID = 170
-LOWEST_RAD_S, HIGHEST_RAD_S = 0.5, 600.0
+HIGHEST_RAD_S = KINDS["roll"].highest_rad_s
 _BELOW_NYQUIST = 0.9
 
-DISTURBANCE_RAD_S = 1.5
+DISTURBANCE_RAD_S = KINDS["roll"].disturbance_rad_s
 """Corner of the moment against which an attitude is held."""
 
 _MINUS_3_DB = 10.0 ** (-3.0 / 20.0)
@@ -35,7 +36,7 @@ _MOST_LEAD_RAD = float(np.radians(30.0))
 
 @dataclass(frozen=True, kw_only=True)
 class Gains(Immutable):
-    """Gains of one axis in SI: P and D of the rate, I of its integral, A of the angle."""
+    """Gains of one loop in SI: P and D of the rate (velocity), I of its integral, A of the angle (position)."""
 
     P: float
     I: float  # noqa: E741 - as everybody calls it
@@ -61,12 +62,13 @@ class Gains(Immutable):
         return {"P": self.P, "I": self.I, "D": self.D, "A": self.A}
 
 
-def frequency_grid(controller: RateController) -> FloatArray:
-    """Frequencies on which loops are looked at, below half the rate of the controller, rad/s."""
-    highest = HIGHEST_RAD_S
+def frequency_grid(controller: RateController, loop: LoopName = "roll") -> FloatArray:
+    """Frequencies on which a loop is looked at, below half the rate of its controller, rad/s."""
+    kind = KINDS[loop]
+    highest = kind.highest_rad_s
     if controller.step_s > 0.0:
         highest = min(highest, _BELOW_NYQUIST * np.pi / controller.step_s)
-    return np.geomspace(LOWEST_RAD_S, highest, GRID)
+    return np.geomspace(kind.lowest_rad_s, highest, GRID)
 
 
 _NONE = 1e-15
@@ -87,6 +89,8 @@ class ControllerParts(Immutable):
     rate_noise
         Density of the noise of the logged rate, (rad/s)² per rad/s, shape ``(f,)``; ``None`` where the log does not
         show it: then it is taken for white, and noises of gains can be compared only.
+    disturbance_rad_s
+        Corner of the moment, or of the force, against which the attitude, or the place, is held.
     """
 
     controller: RateController
@@ -94,6 +98,11 @@ class ControllerParts(Immutable):
     filters: ComplexArray
     logged: ComplexArray
     rate_noise: FloatArray | None = None
+    disturbance_rad_s: float = DISTURBANCE_RAD_S
+
+    def attitude_rms(self, plants: ComplexArray, loops: ComplexArray) -> FloatArray:
+        """See :func:`attitude_rms`, for the disturbance of this loop."""
+        return attitude_rms(self.omega_rad_s, plants, loops, corner_rad_s=self.disturbance_rad_s)
 
     def noise(self, gains: Gains) -> float:
         """Root mean square of the command that the noise of the rate makes."""
@@ -420,13 +429,19 @@ def _stable(gain: FloatArray, phase: FloatArray) -> bool:
     return rises == (-turns[0] if gain[0] > 0.0 else 0.0)
 
 
-def attitude_rms(omega_rad_s: FloatArray, plants: ComplexArray, loops: ComplexArray) -> FloatArray:
-    r"""Root mean square of the attitude under a moment of the corner :data:`DISTURBANCE_RAD_S`, shape ``(draws,)``.
+def attitude_rms(
+    omega_rad_s: FloatArray,
+    plants: ComplexArray,
+    loops: ComplexArray,
+    *,
+    corner_rad_s: float = DISTURBANCE_RAD_S,
+) -> FloatArray:
+    r"""Root mean square of the attitude under a moment of a corner frequency, shape ``(draws,)``.
 
     .. math:: \int \left| \frac{P}{j\omega (1 + L)} \right|^2 \frac{d\omega}{\omega^2 + \omega_d^2}
 
     Its scale is arbitrary: values of one plant are to be compared.
     """
     answer = np.abs(plants / (1j * omega_rad_s * (1.0 + loops))) ** 2
-    weight = 1.0 / (omega_rad_s**2 + DISTURBANCE_RAD_S**2)
+    weight = 1.0 / (omega_rad_s**2 + corner_rad_s**2)
     return np.asarray(np.sqrt(np.trapezoid(answer * weight, omega_rad_s, axis=-1)))

@@ -29,20 +29,20 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
 from rotorid.models.controller import RateController
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import (
     AttitudeFigures,
     ControllerParts,
     Gains,
     LoopFigures,
     attitude_figures,
-    attitude_rms,
     first_counted,
     frequency_grid,
     loop_figures,
     loop_phases,
 )
 from rotorid.tuning.plant import UncertainPlant
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 QUANTILE = 0.05
 """Share of the draws that may miss a limit."""
@@ -52,7 +52,6 @@ _AS_GOOD = 1.01
 
 _KEPT_SHAPES = 60
 _ROOM = 1.3
-_ANGLE_ROOM = 3.0
 _MOST_UP, _MOST_DOWN = 2.0, 0.4
 
 _GOAL_UP = 16.0
@@ -90,10 +89,6 @@ _NEVER = 1e12
 
 _ALIKE = 1.05
 """Ratio of two sensitivity peaks up to which neither is worse."""
-_RATE_SHAPES = np.geomspace(0.3, 12.0, 18)
-_YAW_SHAPES = np.geomspace(0.1, 5.0, 18)
-_DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
-_ANGLES = np.geomspace(0.8, 12.0, 8)
 _SOFT_ANGLES = np.array([0.3, 0.5])
 
 _SOFT_ANGLES_DOWN = (0.3, 0.2, 0.1)
@@ -128,6 +123,8 @@ class Wishes(Immutable):
         Lowest and highest value of a gain that the firmware takes, by its name.
     angle_1_s
         The angle gain to fly, where another axis shares it; ``None`` where it is free.
+    angle_room
+        Least crossover of the inner loop over the angle gain.
     """
 
     sensitivity_peak: float = ROBUSTNESS
@@ -141,6 +138,7 @@ class Wishes(Immutable):
     gain_range: tuple[float, float] = (1.0, 1.0)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     angle_1_s: float | None = None
+    angle_room: float = KINDS["roll"].angle_room
 
     def __post_init__(self) -> None:
         self._set(keep=tuple(self.keep), gain_range=tuple(self.gain_range), ranges=self.ranges)
@@ -217,7 +215,7 @@ class AxisProposal(Immutable):
         Whether any tried gains keep the limits; otherwise the flown gains are proposed.
     """
 
-    axis: Axis
+    axis: LoopName
     controller: RateController
     flown: Judged
     proposed: Judged
@@ -232,7 +230,7 @@ class AxisProposal(Immutable):
 
 
 def propose(
-    axis: Axis,
+    axis: LoopName,
     plant: UncertainPlant,
     controller: RateController,
     *,
@@ -246,7 +244,7 @@ def propose(
     Parameters
     ----------
     axis
-        Which one; yaw has no D and a slower integral.
+        Which one; yaw has no D and a slower integral, an outer loop has slower gains (:mod:`rotorid.tuning.kinds`).
     plant
         Rate by command, as it was logged.
     controller
@@ -272,7 +270,7 @@ def propose(
     >>> found.changed, bool(found.better < 0.8), bool(np.quantile(found.proposed.whole.sensitivity_peak, 0.9) < 1.75)
     (True, True, True)
     """
-    wishes = wishes or Wishes()
+    wishes = replace(wishes or Wishes(), angle_room=KINDS[axis].angle_room)
     if parts is None:
         omega = frequency_grid(controller)
         ones = np.ones(omega.size, dtype=np.complex128)
@@ -320,7 +318,7 @@ def propose(
 
 
 def steps_beyond(
-    axis: Axis,
+    axis: LoopName,
     plant: UncertainPlant,
     first: AxisProposal,
     *,
@@ -413,7 +411,7 @@ def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_r
         rate=loop_figures(omega, rate, from_rad_s=from_rad_s),
         whole=loop_figures(omega, whole, from_rad_s=from_rad_s),
         attitude=attitude_figures(omega, plants * parts.angle(gains) / (1.0 + whole)),
-        attitude_rms=attitude_rms(omega, plants, whole),
+        attitude_rms=parts.attitude_rms(plants, whole),
         noise=parts.noise(gains),
     )
 
@@ -427,7 +425,7 @@ class _Plants(NamedTuple):
 
 
 def _searched(
-    axis: Axis,
+    axis: LoopName,
     parts: ControllerParts,
     plants: _Plants,
     flown: Judged,
@@ -442,7 +440,7 @@ def _searched(
         gains = _best_of(shape, parts, nominal, start, flown, wishes)
         if gains is None:
             continue
-        rms = float(attitude_rms(parts.omega_rad_s, nominal, nominal * parts.whole(gains))[0])
+        rms = float(parts.attitude_rms(nominal, nominal * parts.whole(gains))[0])
         ranked.append((rms, shape))
     if not ranked:
         reasons.append("no gains that were tried keep the limits on the identified plant")
@@ -453,7 +451,7 @@ def _searched(
         gains = _best_of(shape, parts, drawn, start, flown, wishes)
         if gains is None:
             continue
-        over = float(np.median(attitude_rms(parts.omega_rad_s, drawn, drawn * parts.whole(gains))))
+        over = float(np.median(parts.attitude_rms(drawn, drawn * parts.whole(gains))))
         found.append((over, gains))
     if not found:
         reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
@@ -484,12 +482,13 @@ class _Shape(NamedTuple):
     P: float | None = None
 
 
-def _shapes(axis: Axis, flown: Gains, wishes: Wishes) -> list[_Shape]:
+def _shapes(axis: LoopName, flown: Gains, wishes: Wishes) -> list[_Shape]:
     """Shapes to look at."""
-    integrals = _YAW_SHAPES if axis == "yaw" else _RATE_SHAPES
+    kind = KINDS[axis]
+    integrals = kind.integrals
     # Without a D of its own an axis has no filter for it that anybody chose.
-    derivatives = np.zeros(1) if axis == "yaw" or flown.D == 0.0 else _DERIVATIVES
-    angles = _ANGLES if flown.A > 0.0 else np.zeros(1)
+    derivatives = kind.derivatives if flown.D > 0.0 or kind.adds_derivative else np.zeros(1)
+    angles = kind.angles if flown.A > 0.0 else np.zeros(1)
     if flown.A > 0.0 and wishes.angle_down < _MOST_DOWN:
         angles = np.concatenate([_SOFT_ANGLES, angles])
     kept = _kept(flown, wishes)
@@ -578,7 +577,7 @@ def _gain(
         low, high = np.maximum(low, from_below), np.minimum(high, from_above)
     apart = np.zeros(len(plants))
     if A > 0.0:
-        at = np.searchsorted(parts.omega_rad_s, _ANGLE_ROOM * A)
+        at = np.searchsorted(parts.omega_rad_s, wishes.angle_room * A)
         apart = 1.0 / np.abs(rate[:, min(at, rate.shape[1] - 1)])
     if len(plants) > 1:
         k_low, k_high = float(np.quantile(low, 1.0 - QUANTILE)), float(np.quantile(high, QUANTILE))

@@ -41,16 +41,16 @@ def flown(band_rad_s: tuple[float, float] = (1.0, 100.0), parameters: dict[str, 
     ones = np.ones(omega.size, dtype=np.complex128)
     parts = ControllerParts(controller=axis.controller, omega_rad_s=omega, filters=ones, logged=ones)
     found = propose("roll", plant, axis.controller, parts=parts)
-    sets = {"flown": (parts, Gains.of(axis.controller)), "proposed": (parts, found.proposed.gains)}
     drawn = plant.drawn(omega)
+    sets = {"flown": (drawn, parts, Gains.of(axis.controller)), "proposed": (drawn, parts, found.proposed.gains)}
     return AxisTuning(
         controller=axis,
         plant=plant,
         omega_rad_s=omega,
         proposal=found,
         parameters={name: (value, value) for name, value in parameters.items()},
-        loops=_loops(drawn, sets),
-        responses=_responses(omega, drawn, sets),
+        loops=_loops(sets),
+        responses=_responses(omega, sets),
         step_s=np.zeros(2),
         steps={},
         parts=parts,

@@ -15,34 +15,11 @@ from rotorid.errors import UsageError
 from rotorid.models.autopilots import ardupilot, betaflight, px4
 from rotorid.models.autopilots.betaflight import PER_D, PER_I, PER_P, YAW_I
 from rotorid.models.autopilots.betaflight_settings import angle_name
-from rotorid.models.autopilots.settings import AxisController, Version, version_of
-from rotorid.typing import Axis
+from rotorid.models.autopilots.outer import outer_parameters
+from rotorid.models.autopilots.settings import AxisController, Parameter, Version, version_of
+from rotorid.typing import LoopName
 
-
-class Parameter(NamedTuple):
-    """A parameter of a firmware that holds a gain.
-
-    Parameters
-    ----------
-    low, high
-        Range that it takes.
-    per_si
-        What a gain in SI is divided by to give its value.
-    integer
-        Whether it is a whole number.
-    shared
-        Whether another axis has the same one.
-    """
-
-    name: str
-    low: float
-    high: float
-    per_si: float = 1.0
-    integer: bool = False
-    shared: bool = False
-
-
-_PX4: Mapping[Axis, tuple[str, float, float, float]] = MappingProxyType(
+_PX4: Mapping[LoopName, tuple[str, float, float, float]] = MappingProxyType(
     {"roll": ("ROLL", 0.5, 0.01, 12.0), "pitch": ("PITCH", 0.6, 0.01, 12.0), "yaw": ("YAW", 0.6, 0.0, 5.0)}
 )
 
@@ -64,7 +41,7 @@ def _px4_ahead(controller: AxisController) -> list[Parameter]:
     return [Parameter(f"MC_{_PX4[controller.axis][0]}RATE_FF", 0.0, math.inf)]
 
 
-_ARDUPILOT: Mapping[Axis, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
+_ARDUPILOT: Mapping[LoopName, str] = MappingProxyType({"roll": "RLL", "pitch": "PIT", "yaw": "YAW"})
 _ARDUPILOT_RANGES = {
     False: {"P": (0.01, 0.5), "I": (0.01, 2.0), "D": (0.0, 0.05), "A": (3.0, 12.0)},
     True: {"P": (0.1, 2.5), "I": (0.01, 1.0), "D": (0.0, 0.02), "A": (3.0, 12.0)},
@@ -168,6 +145,8 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
     >>> parameters_of(yaw)["A"].name, parameters_of(yaw)["P"].high
     ('MC_YAW_P', 0.6)
     """
+    if (outer := outer_parameters(controller)) is not None:
+        return outer
     names = _NAMES.get(controller.autopilot)
     if names is None:
         raise UsageError(f"got gains of {controller.autopilot or 'no autopilot'}", needed=", ".join(_NAMES))
@@ -184,4 +163,4 @@ def parameters_of(controller: AxisController) -> dict[str, Parameter]:
 
 def ahead_of(controller: AxisController) -> list[Parameter]:
     """What the command is proportional to beside P, I and D: feed-forward, and the ends of a D that moves."""
-    return _NAMES[controller.autopilot].ahead(controller)
+    return [] if outer_parameters(controller) is not None else _NAMES[controller.autopilot].ahead(controller)

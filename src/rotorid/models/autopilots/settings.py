@@ -5,15 +5,38 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from rotorid.data.base import Immutable
 from rotorid.models.controller import RateController
-from rotorid.typing import Axis
+from rotorid.typing import LoopName
 
 Version = tuple[int, int]
 
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
+
+
+class Parameter(NamedTuple):
+    """A parameter of a firmware that holds a gain.
+
+    Parameters
+    ----------
+    low, high
+        Range that it takes.
+    per_si
+        What a gain in SI is divided by to give its value.
+    integer
+        Whether it is a whole number.
+    shared
+        Whether another axis has the same one.
+    """
+
+    name: str
+    low: float
+    high: float
+    per_si: float = 1.0
+    integer: bool = False
+    shared: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +50,10 @@ class AxisController(Immutable):
     firmware
         As the log names it; empty where it does not.
     axis
-        ``roll``, ``pitch`` or ``yaw``.
+        ``roll``, ``pitch`` or ``yaw``; of an outer loop ``velocity`` or ``climb``.
     controller
-        Rate controller with its angle loop.
+        Rate controller with its angle loop; of an outer loop that of a velocity with its position, which makes an
+        acceleration in m/s².
     gains, filters
         Names and values as the firmware has them, as far as the log holds them.
     ends
@@ -44,7 +68,7 @@ class AxisController(Immutable):
 
     autopilot: str
     firmware: str
-    axis: Axis
+    axis: LoopName
     controller: RateController
     gains: Mapping[str, float]
     filters: Mapping[str, float]

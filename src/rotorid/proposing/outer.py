@@ -1,0 +1,339 @@
+r"""Outer loops around the loops that are tuned: their controllers by the log, and their plants.
+
+The horizontal velocity answers the acceleration that its controller asks for through the attitude loop, which is closed
+with the gains that will fly:
+
+.. math:: P_v(j\omega) = \frac{T(j\omega)}{j\omega - Y_v}, \qquad T = \frac{\hat P C_r A / s}{1 + L_{whole}}
+
+with the drag :math:`-Y_v` over mass. So new gains of roll and pitch are judged in the velocity loop too. Every draw of
+the attitude loop is one of the velocity loop. Roll and pitch fly the same velocity gains: the one counts on which these
+have less reserve.
+
+Each outer loop is registered in :data:`PLANTS`, by what gives its plant; its names are in
+:mod:`rotorid.models.autopilots.outer`, the shapes of its gains in :mod:`rotorid.tuning.kinds`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.autopilots.filters import KnownFilter
+from rotorid.data.base import Immutable
+from rotorid.data.findings import Finding, refusal, remark
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.tilt_drag import tilt_drag
+from rotorid.models.autopilots.outer import outer_controller, outer_names, outer_settings, velocity_filters
+from rotorid.models.autopilots.settings import AxisController, loop_settings
+from rotorid.proposing.axis import KnownAxis
+from rotorid.results.model import IdentifiedModel
+from rotorid.signal.airborne import airborne
+from rotorid.tuning.kinds import KINDS
+from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, loop_figures
+from rotorid.tuning.plant import FLOOR, UncertainPlant, uncertain_plant
+from rotorid.typing import Axis, ComplexArray, FloatArray, LoopName
+
+_KNOTS = np.linspace(np.log(0.02), np.log(200.0), 61)
+_LOWEST_RAD_S = 0.03
+"""Velocity plants have no slower mode than their drag, so loops count from here on."""
+
+_DRAGS = ("Y_v", "X_u")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoggedOuter(Immutable):
+    """The controller of an outer loop, as :class:`rotorid.proposing.flown_gains.LoggedLoop` has that of an axis.
+
+    Parameters
+    ----------
+    axis
+        ``velocity`` or ``climb``.
+    controller
+        As flown.
+    record
+        Its log.
+    loop_rate_hz
+        Steps of the controller per second, where the log shows them.
+    """
+
+    axis: LoopName
+    controller: AxisController
+    record: FlightRecord
+    loop_rate_hz: float | None = None
+
+    @property
+    def source(self) -> str:
+        """Its velocity is the estimate, which passes no filter that is known."""
+        return ""
+
+    @property
+    def passed(self) -> tuple[KnownFilter, ...]:
+        """None, see ``source``."""
+        return ()
+
+    def parts(
+        self, omega_rad_s: FloatArray, *, then: FlightRecord | None = None, noise: FloatArray | None = None
+    ) -> ControllerParts:
+        """Transfer functions of the gains, with the flown filters or those of another record's parameters."""
+        own = self.controller if then is None else self.with_parameters(then)
+        filters = np.ones(omega_rad_s.size, dtype=np.complex128)
+        for known in velocity_filters(own):
+            filters = filters * known.response(np.asarray(1j * omega_rad_s), own.controller.step_s)
+        return ControllerParts(
+            controller=own.controller,
+            omega_rad_s=omega_rad_s,
+            filters=filters,
+            logged=np.ones_like(filters),
+            rate_noise=noise,
+            disturbance_rad_s=KINDS[self.axis].disturbance_rad_s,
+        )
+
+    def with_parameters(self, record: FlightRecord) -> AxisController:
+        """The controller by the parameters of another record."""
+        found = outer_controller(
+            record.parameters, self.axis, firmware=record.source.firmware, loop_rate_hz=self.loop_rate_hz
+        )
+        if found is None:
+            raise UsageError(
+                f"the parameters give no {self.axis} controller", needed="gains that the autopilot can fly"
+            )
+        return found
+
+    def rate_noise(self, _omega_rad_s: FloatArray, _band_rad_s: tuple[float, float]) -> FloatArray | None:
+        """None: noise of an acceleration set-point is not measured, and gains are compared by white noise."""
+        return None
+
+
+class InnerLoop(NamedTuple):
+    """An axis with the gains and filters that close its attitude loop.
+
+    Parameters
+    ----------
+    known
+        The axis.
+    gains
+        Of its loops.
+    then
+        The log with other filters among its parameters; ``None`` for those that flew.
+    """
+
+    known: KnownAxis
+    gains: Gains
+    then: FlightRecord | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OuterMaterial(Immutable):
+    """Everything of which plants of outer loops are made.
+
+    Parameters
+    ----------
+    given, logs
+        As for :func:`rotorid.proposing.proposal.tune`.
+    inner
+        The loops inside, by axis.
+    draws, seed
+        Of the plant.
+    """
+
+    given: tuple[IdentifiedModel, ...]
+    logs: tuple[FlightRecord, ...]
+    inner: Mapping[Axis, InnerLoop]
+    draws: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        self._set(given=tuple(self.given), logs=tuple(self.logs), inner=self.inner)
+
+
+class Drag(NamedTuple):
+    """Drag over mass, 1/s, with its standard deviation and where it is from."""
+
+    value: float
+    std: float
+    source: str
+
+
+def drag_of(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Drag:
+    """Drag over mass: of a given hover model, or of an ordinary flight.
+
+    Raises
+    ------
+    InsufficientDataError
+        Neither shows it.
+    """
+    for model in given:
+        for name in _DRAGS:
+            if name in model.parameters and (std := model[name].std) is not None:
+                return Drag(-model[name].value, std, f"{name} of {model.name}")
+    why = ""
+    for record in logs:
+        try:
+            found = tilt_drag(record, airborne(record).intervals).drag
+        except InsufficientDataError as error:
+            why = why or error.came
+        else:
+            return Drag(found.value, found.std or 0.0, record.source.name)
+    raise InsufficientDataError(
+        f"the drag is not known{f' ({why})' if why else ''}, and it decides the velocity loop",
+        needed="a flight that shows it, or a result of hover.lateral",
+        remedy="fly 60 s back and forth at 2 to 5 m/s in calm air and give that log too",
+    )
+
+
+def attitude_response(inner: InnerLoop, omega_rad_s: FloatArray, *, drawn: bool) -> ComplexArray:
+    """The attitude over its set-point, of the most likely plant, shape ``(1, f)``, or of all draws, ``(draws, f)``.
+
+    ArduPilot moves a target towards the set-point and feeds its rate forward; of PX4 the set-point flies as it is.
+    """
+    known, gains = inner.known, inner.gains
+    parts, record = known.flown.parts(omega_rad_s, then=inner.then), known.flown.record
+    plants = known.plant.drawn(omega_rad_s) if drawn else known.plant.response(omega_rad_s)[None]
+    by_setpoint, s = parts.angle(gains), 1j * omega_rad_s
+    lag_s = record.parameters.get("ATC_INPUT_TC", 0.0)
+    if lag_s > 0.0 and gains.A > 0.0 and record.parameters.get("ATC_RATE_FF_ENAB", 1.0):
+        by_setpoint = by_setpoint * (1.0 + s / gains.A) / (1.0 + lag_s * s)
+    return np.asarray(plants * by_setpoint / (1.0 + plants * parts.whole(gains)))
+
+
+def velocity_plants(material: OuterMaterial) -> dict[str, UncertainPlant]:
+    """Velocity by the acceleration asked for, through each attitude loop that is known.
+
+    Raises
+    ------
+    InsufficientDataError
+        Neither attitude loop is known, or the drag is not.
+    """
+    inner = {axis: one for axis, one in material.inner.items() if axis in ("roll", "pitch") and one.gains.A > 0.0}
+    if not inner:
+        raise InsufficientDataError(
+            "no attitude loop of roll or pitch is known", needed="one", remedy="fly the sweep that roll needs first"
+        )
+    drag = drag_of(material.given, material.logs)
+    return {axis: velocity_plant(one, drag, seed=material.seed) for axis, one in inner.items()}
+
+
+def velocity_plant(inner: InnerLoop, drag: Drag, *, seed: int) -> UncertainPlant:
+    """Velocity by the acceleration asked for, through one attitude loop."""
+
+    def response(omega_rad_s: FloatArray) -> ComplexArray:
+        omega = np.atleast_1d(omega_rad_s)
+        return np.asarray(attitude_response(inner, omega, drawn=False)[0] / (1j * omega + drag.value))
+
+    knots = np.asarray(np.exp(_KNOTS))
+    known = inner.known
+    attitudes = attitude_response(inner, knots, drawn=True) / attitude_response(inner, knots, drawn=False)
+    whole = known.drawn() * known.flown.parts(known.omega_rad_s, then=inner.then).whole(inner.gains)
+    stable = loop_figures(known.omega_rad_s, whole, from_rad_s=known.plant.known_from_rad_s).stable > 0.0
+    # What flew was stable: of a draw that is not, there is no attitude to speak of.
+    attitudes[~stable] = 1.0
+    rng = np.random.default_rng(seed)
+    drags = np.maximum(drag.value + drag.std * rng.standard_normal(len(attitudes)), 0.0)
+    s = 1j * knots
+    spread = np.log(attitudes) + np.log((s + drag.value) / (s + drags[:, None]))
+    band = (_LOWEST_RAD_S, known.plant.band_rad_s[1])
+    rest = uncertain_plant(response, None, band_rad_s=band, draws=len(attitudes), seed=seed + 1, floor=FLOOR)
+    places = np.log(knots)
+    floor = np.array(
+        [np.interp(places, rest.knots, row.real) + 1j * np.interp(places, rest.knots, row.imag) for row in rest.misfits]
+    )
+    return UncertainPlant(
+        model=response, band_rad_s=band, knots=places, mean=np.zeros(places.size), misfits=spread + floor
+    )
+
+
+PLANTS: dict[LoopName, Callable[[OuterMaterial], dict[str, UncertainPlant]]] = {"velocity": velocity_plants}
+"""What gives the plants of an outer loop, by the axis through which each acts; an empty name where there is none."""
+
+
+def flown_outer(loop: LoopName, logs: Sequence[FlightRecord]) -> LoggedOuter:
+    """The flown controller of an outer loop, by the parameters of the first log that has its gains.
+
+    Raises
+    ------
+    InsufficientDataError
+        No log has them.
+    """
+    for record in logs:
+        rate_hz = _step_hz(record)
+        found = outer_controller(record.parameters, loop, firmware=record.source.firmware, loop_rate_hz=rate_hz)
+        if found is not None:
+            return LoggedOuter(axis=loop, controller=found, record=record, loop_rate_hz=rate_hz)
+    name = logs[0].source.name if logs else "the result"
+    first = outer_names(loop)[0]
+    why = f"{name} contains no gains of {loop}"
+    raise InsufficientDataError(
+        why,
+        needed=f"PX4 or ArduPilot parameters such as {first}" if logs else "the log with the result",
+        findings=[refusal("no_controller", loop, f"{why}.")],
+    )
+
+
+_EVERY_ESTIMATE_HZ = 40.0
+
+
+def _step_hz(record: FlightRecord) -> float | None:
+    """Steps of PX4's position controller, which follow the position estimate, where each of them is logged."""
+    if "EKF2_PREDICT_US" in record.parameters:
+        return None
+    for topic in record.topics:
+        if topic.name == "vehicle_local_position" and topic.time_s.size > 2:
+            rate_hz = float(1.0 / np.median(np.diff(topic.time_s)))
+            return rate_hz if rate_hz > _EVERY_ESTIMATE_HZ else None
+    return None
+
+
+def known_outer(loop: LoopName, flown: OuterMaterial, new: OuterMaterial) -> tuple[KnownAxis, list[Finding]]:
+    """An outer loop with its plant, with the inner loops as flown and as they will fly.
+
+    Parameters
+    ----------
+    loop
+        ``velocity`` or ``climb``.
+    flown, new
+        Its material, with the inner loops as flown, and with their new gains.
+
+    Raises
+    ------
+    InsufficientDataError
+        Its gains, or its plant, are not known.
+    """
+    own = flown_outer(loop, flown.logs)
+    omega = frequency_grid(own.controller.controller, loop)
+    parts = own.parts(omega)
+    plants, before = PLANTS[loop](new), PLANTS[loop](flown)
+    axis = max(plants, key=lambda name: _peak(before[name], parts, own))
+    findings = [_other_axis(loop, axis)] if axis and len(plants) == 1 else []
+    known = KnownAxis(
+        flown=own,
+        plant=plants[axis],
+        omega_rad_s=omega,
+        flown_parts=parts,
+        then=None,
+        controller=own.controller,
+        parts=parts,
+        flown_plant=before[axis],
+    )
+    return known, findings
+
+
+def _peak(plant: UncertainPlant, parts: ControllerParts, own: LoggedOuter) -> float:
+    whole = plant.response(parts.omega_rad_s) * parts.whole(Gains.of(own.controller.controller))
+    return float(np.max(1.0 / np.abs(1.0 + whole)))
+
+
+def _other_axis(loop: LoopName, axis: str) -> Finding:
+    return remark(
+        "one_axis",
+        loop,
+        f"Only {axis} was measured, so {loop} is judged through {axis} alone; the other axis flies the same gains.",
+    )
+
+
+def with_values(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
+    """The log with other parameters of its loops, inner and outer."""
+    return replace(record, parameters={**record.parameters, **loop_settings(values), **outer_settings(values)})
