@@ -88,11 +88,14 @@ def _of_today(tuning: AxisTuneDocument) -> bool:
     return any(reason.startswith(_TODAY) for reason in tuning.reasons)
 
 
-def _disturbance(document: TuneDocument, axes: Sequence[Axis]) -> str:
+_MOTIONS: Mapping[LoopName, str] = {"yaw": "turns", "velocity": "moves", "climb": "lifts"}
+
+
+def _disturbance(document: TuneDocument, axes: Sequence[LoopName]) -> str:
     """What a disturbance does to the vehicle compared with today; axes that change alike share a clause."""
     alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis in axes:
-        motion = "turns" if axis == "yaw" else "tilts"
+        motion = _MOTIONS.get(axis, "tilts")
         alike.setdefault((motion, _less(document.axes[axis].attitude_ratio)), []).append(axis)
     clauses = [
         f"{motion} the vehicle {less} today{f' in {listed(same)}' if len(alike) > 1 else ''}"
@@ -101,7 +104,7 @@ def _disturbance(document: TuneDocument, axes: Sequence[Axis]) -> str:
     return f"a disturbance {listed(clauses)}"
 
 
-def _watch(changed: Mapping[Axis, AxisTuneDocument]) -> str:
+def _watch(changed: Mapping[LoopName, AxisTuneDocument]) -> str:
     """What to watch in the first flight of new gains: the loop nearest to shaking, noise, overshoot."""
     peaks = {axis: one.proposed_whole.get("sensitivity_peak") for axis, one in changed.items()}
     nearest = max(changed, key=lambda axis: math.inf if (peak := peaks[axis]) is None else peak.value)
@@ -151,7 +154,7 @@ def verdict_sentence(axis: LoopName, found: AxisJudgedDocument) -> str:
     words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
     if found.verdict in ("fly", "gently") and found.attitude_ratio is not None:
-        motion = "turns" if axis == "yaw" else "tilts"
+        motion = _MOTIONS.get(axis, "tilts")
         words.append(f"A disturbance {motion} the vehicle {_less(found.attitude_ratio)} today.")
     if found.lower:
         words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
@@ -386,7 +389,7 @@ def following(document: TuneDocument) -> str:
     shares = {axis: path[-1].attitude_ratio.value / path[0].attitude_ratio.value for axis, path in paths.items()}
     axis = min(shares, key=shares.__getitem__)
     first, *_, goal = paths[axis]
-    motion = "turns" if axis == "yaw" else "tilts"
+    motion = _MOTIONS.get(axis, "tilts")
     change = f"{motion} the vehicle {_fewer(shares[axis])} less ({axis})"
     name = "sensitivity_peak"
     if name in first.whole and name in goal.whole:
