@@ -421,13 +421,8 @@ def _message_topics(messages: Mapping[str, Messages], clock: BootClock, *, scale
                 Channel(name=name, unit=STANDARD_UNITS[name], source=source)
                 for name, source in zip(rule.channels, sources, strict=True)
             ),
-            values=values * _factor(rule.unit),
+            values=values * parse_unit(rule.unit).factor,
         )
-
-
-def _factor(unit: str) -> float:
-    # A thousandth of standard gravity is a unit of this protocol alone.
-    return 1e-3 * parse_unit("g").factor if unit == "mg" else parse_unit(unit).factor
 
 
 def _valid(rule: Rule, messages: Messages) -> BoolArray:

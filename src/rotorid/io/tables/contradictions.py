@@ -55,6 +55,7 @@ _SHARES = {0.01: 'unit = "%"', 1.0 / 65535.0: "scale = 1.52590218966964e-05", 1e
 _PULSE_RANGE = (850.0, 2200.0)
 
 _GRAVITY_TOLERANCE = 0.15
+_OF_GRAVITY = ("g", "m/s^2", "mg", "cm/s^2")
 _CALM = 0.35
 """Spread of the specific force against its median from which it says nothing about gravity."""
 
@@ -236,20 +237,20 @@ def _gravity(values: Mapping[str, FloatArray], tables: Mapping[str, MappedChanne
         return
     channel = tables["az"]
     written = channel.samples.unit or "m/s^2"
-    for unit in ("g", "m/s^2", "cm/s^2"):
-        as_written, instead = parse_unit(written).factor, parse_unit(unit).factor
-        gravity = median / as_written * instead
-        # A share of vehicles falls or rests upside down; only the factor between two units is a contradiction.
-        fits = abs(gravity / STANDARD_GRAVITY_M_S2 - 1.0) < _GRAVITY_TOLERANCE
-        upright = abs(abs(float(np.median(down))) / median - 1.0) < _GRAVITY_TOLERANCE
-        if unit != written and fits and upright:
-            yield (
-                f"{channel.where} has `unit` = {written!r}, which makes {_quoted(channel.samples)} a specific force "
-                f"of {median:.3g} m/s^2 at rest and in the mean of a flight",
-                f"gravity, {STANDARD_GRAVITY_M_S2:.2f} m/s^2",
-                f'write unit = "{unit}"',
-            )
-            return
+    # A share of vehicles falls or rests upside down; only the factor between two units is a contradiction.
+    if abs(abs(float(np.median(down))) / median - 1.0) >= _GRAVITY_TOLERANCE:
+        return
+    raw = median / parse_unit(written).factor
+    off = {unit: abs(raw * parse_unit(unit).factor / STANDARD_GRAVITY_M_S2 - 1.0) for unit in (written, *_OF_GRAVITY)}
+    # Thousandths of g and cm/s^2 differ by 2 %, so that the numbers of one fit the other as well.
+    closest = min(_OF_GRAVITY, key=off.__getitem__)
+    if off[written] >= _GRAVITY_TOLERANCE and off[closest] < _GRAVITY_TOLERANCE:
+        yield (
+            f"{channel.where} has `unit` = {written!r}, which makes {_quoted(channel.samples)} a specific force "
+            f"of {median:.3g} m/s^2 at rest and in the mean of a flight",
+            f"gravity, {STANDARD_GRAVITY_M_S2:.2f} m/s^2",
+            f'write unit = "{closest}"',
+        )
 
 
 def _angles(topic: Topic, tables: Mapping[str, MappedChannel]) -> Iterator[Contradiction]:

@@ -46,7 +46,7 @@ def sources_of(mapping: ChannelMapping) -> tuple[str, ...]:
         found += [clock.time, clock.steps]
         found += [item for channel in run.channels for item in (channel.samples, channel.time)]
         found += [*run.attitude.parts, run.attitude.time] if run.attitude else []
-    return tuple(dict.fromkeys(item.source for item in found if item is not None))
+    return tuple(dict.fromkeys(name for item in found if item is not None for name, _ in item.terms))
 
 
 def assemble(
@@ -240,6 +240,36 @@ def _stamps(
 
 def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: str) -> FloatArray:
     series = _named(series, arrays)
+    vectors = [_vector(replace(series, source=name), arrays, file) for name, _ in series.terms]
+    if len({vector.size for vector in vectors}) > 1:
+        raise LogError(
+            f"{file}: the parts of {series.source} have {', '.join(str(vector.size) for vector in vectors)} samples",
+            needed="as many of each",
+            remedy="correct `sum` in the mapping",
+        )
+    # A sum of one with the factor one would be a copy of a long log.
+    vector = (
+        vectors[0]
+        if not series.parts
+        else sum(
+            (factor * part for (_, factor), part in zip(series.parts, vectors, strict=True)), np.zeros(vectors[0].size)
+        )
+    )
+    if series.logged_range:
+        low, high = float(vector.min(initial=np.inf)), float(vector.max(initial=-np.inf))
+        if not low < high:
+            raise LogError(
+                f"{file}: {series.source} is {low:g} throughout",
+                needed="numbers that differ, for a share between the smallest and the largest",
+                remedy="write `range` = [LOW, HIGH] in the mapping",
+            )
+        return (vector - low) / (high - low)
+    factor = series.scale * factor_to(si, series.unit)
+    return (vector + series.offset) * factor if series.offset else vector * factor
+
+
+def _vector(series: Series, arrays: Mapping[str, FloatArray], file: str) -> FloatArray:
+    """One variable as it stands in the file."""
     if series.source not in arrays:
         close = nearest(series.source, arrays)
         raise UsageError(
@@ -255,17 +285,7 @@ def _samples(series: Series, arrays: Mapping[str, FloatArray], si: str, file: st
             needed="samples without gaps",
             remedy="leave the affected samples out, or fill them in before the file is read",
         )
-    if series.logged_range:
-        low, high = float(vector.min(initial=np.inf)), float(vector.max(initial=-np.inf))
-        if not low < high:
-            raise LogError(
-                f"{file}: {series.source} is {low:g} throughout",
-                needed="numbers that differ, for a share between the smallest and the largest",
-                remedy="write `range` = [LOW, HIGH] in the mapping",
-            )
-        return (vector - low) / (high - low)
-    factor = series.scale * factor_to(si, series.unit)
-    return (vector + series.offset) * factor if series.offset else vector * factor
+    return vector
 
 
 def _named(series: Series, arrays: Mapping[str, FloatArray]) -> Series:
@@ -429,7 +449,18 @@ def _with_full_names(mapping: ChannelMapping, columns: Sequence[str]) -> Channel
         return replace(series, source=found[0], unit=series.unit or (unit if known else ""))
 
     def required(series: Series) -> Series:
-        return full(series) or series
+        if not series.parts:
+            return full(series) or series
+        found = [required(replace(series, source=name, parts=())) for name, _ in series.parts]
+        units = {item.unit for item in found}
+        if len(units) > 1:
+            raise UsageError(
+                f"the mapping adds up {series.source}, in {', '.join(sorted(unit or 'no unit' for unit in units))}",
+                needed="one unit",
+                remedy="write the factors of `sum` in that unit, and `unit`",
+            )
+        parts = tuple((item.source, factor) for item, (_, factor) in zip(found, series.parts, strict=True))
+        return replace(series, parts=parts, unit=units.pop())
 
     clock, attitude = mapping.clock, mapping.attitude
     if attitude is not None:

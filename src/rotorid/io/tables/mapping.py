@@ -55,6 +55,8 @@ class Series:
         Cutoff of a zero-phase low-pass that the channel passes; ``None`` for none.
     logged_range
         Whether the channel goes from 0 at the smallest of these numbers to 1 at their largest.
+    parts
+        Variables and factors of a weighted sum, such as an axis command of motor commands; `source` then spells it out.
     """
 
     source: str
@@ -67,10 +69,20 @@ class Series:
     derivative: bool = False
     low_pass_hz: float | None = None
     logged_range: bool = False
+    parts: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def terms(self) -> tuple[tuple[str, float], ...]:
+        """Variables of the file and their factors: those of a sum, or the source alone."""
+        return self.parts or ((self.source, 1.0),)
 
     def of_experiment(self, name: str) -> Series:
         """The same row in one of several experiments."""
-        return replace(self, source=self.source.replace(PLACEHOLDER, name))
+        return replace(
+            self,
+            source=self.source.replace(PLACEHOLDER, name),
+            parts=tuple((part.replace(PLACEHOLDER, name), factor) for part, factor in self.parts),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -233,7 +245,16 @@ class ChannelMapping:
             w, x, y, z = (replace(series, file="") for series in attitude.parts)
             own = replace(attitude, parts=(w, x, y, z), time=attitude.time and replace(attitude.time, file=""))
             attitude = own if self.attitude and self.attitude.parts[0].file == file else None
-        return replace(self, channels=tuple(channels), attitude=attitude, segments=() if file else self.segments)
+        kept = tuple(channels)
+        # A file whose channels all have their own stamps need not contain those of the common clock.
+        timed = all(channel.time for channel in kept) and (attitude is None or attitude.time is not None)
+        return replace(
+            self,
+            channels=kept,
+            attitude=attitude,
+            clock=None if timed else self.clock,
+            segments=() if file else self.segments,
+        )
 
     def each_experiment(self) -> Iterator[ChannelMapping]:
         """One mapping for each experiment; itself where there is but one."""
@@ -269,10 +290,15 @@ _SERIES_KEYS = ("source", "unit", "scale", "offset", "range", "row", "column")
 FRAME_KEYS = ("frame", "world")
 _PLACE_KEYS = ("time", "time_unit", "file", *FRAME_KEYS)
 _STEPS = ("derivative", "low_pass_hz")
-_CHANNEL_KEYS = (*_SERIES_KEYS, *_STEPS, "filter", *_PLACE_KEYS)
+_CHANNEL_KEYS = (*_SERIES_KEYS, "sum", *_STEPS, "filter", *_PLACE_KEYS)
 _VECTOR_KEYS = ("sources", "source", "by", "columns", "along", "unit", "scale", "filter", *_PLACE_KEYS)
 
 _LARGEST_BYTES = 20_000
+
+_SHARE = (
+    "a share of the full travel has no unit: write `scale` in its place, such as scale = 0.05 for 20 deg, or "
+    "offset = -1500 and scale = 0.002 for 1000 to 2000 us"
+)
 
 _KEYS = ("channels", "vectors", "clock", "experiments", "segments", *FRAME_KEYS)
 _CLOCK_KEYS = ("time", "steps", "sample_rate_hz")
@@ -648,27 +674,40 @@ def _read_vector(
 
 
 def read_series(values: Mapping[str, Any], where: str, *, si: Sequence[str]) -> Series:
-    """The keys ``source``, ``unit``, ``scale``, ``offset`` and ``row`` or ``column``."""
+    """The keys ``source`` or ``sum``, ``unit``, ``scale``, ``offset`` and ``row`` or ``column``."""
     row, column = index(values, "row", where), index(values, "column", where)
     if row is not None and column is not None:
         raise UsageError(f"{where} has `row` and `column`", needed="one of them", remedy="remove the other")
+    source, parts = _source(values, where)
+    series = Series(source=source, parts=parts, row=row, column=column)
     if "range" in values:
-        return _over_range(values, where, si=si, row=row, column=column)
-    measured = unit(values, "unit", si, where)
-    scale = _scale(values, where)
-    return Series(
-        source=text(values, "source", where),
-        unit=measured,
-        scale=scale,
+        return _over_range(series, values, where, si=si)
+    return replace(
+        series,
+        unit=unit(values, "unit", si, where),
+        scale=_scale(values, where),
         offset=number(values, "offset", where) or 0.0,
-        row=row,
-        column=column,
     )
 
 
-def _over_range(
-    values: Mapping[str, Any], where: str, *, si: Sequence[str], row: int | None, column: int | None
-) -> Series:
+def _source(values: Mapping[str, Any], where: str) -> tuple[str, tuple[tuple[str, float], ...]]:
+    """The variable of a channel, or the weighted sum of several in words and its parts."""
+    if "sum" not in values:
+        return text(values, "source", where), ()
+    if "source" in values:
+        raise UsageError(f"{where} has `source` and `sum`", needed="one of them", remedy="remove the other")
+    factors = table(values["sum"], f"{where} `sum`")
+    if not factors:
+        raise UsageError(
+            f"{where} has an empty `sum`",
+            needed="a factor for each variable",
+            remedy="write sum = { A = 0.5, B = -0.5 }",
+        )
+    parts = [(name, number(factors, name, f"{where} `sum`") or 0.0) for name in factors]
+    return " + ".join(f"{factor:g} {name}" for name, factor in parts).replace("+ -", "- "), tuple(parts)
+
+
+def _over_range(series: Series, values: Mapping[str, Any], where: str, *, si: Sequence[str]) -> Series:
     """A share of the range between the smallest and the largest number: those that are given, or ``"logged"``."""
     if "1" not in si and si:
         raise UsageError(
@@ -676,7 +715,6 @@ def _over_range(
         )
     if other := [key for key in ("unit", "scale", "offset") if key in values]:
         raise UsageError(f"{where} has `range` and `{other[0]}`", needed="one of them", remedy=f"remove `{other[0]}`")
-    series = Series(source=text(values, "source", where), row=row, column=column)
     if values["range"] == "logged":
         return replace(series, logged_range=True)
     value = values["range"]
@@ -895,7 +933,7 @@ def unit(values: Mapping[str, Any], key: str, si: Sequence[str], where: str) -> 
         raise UsageError(
             f"{where} `{key}` is {found!r}",
             needed=f"a unit of {' or '.join(si)}",
-            remedy="correct the unit or the channel name",
+            remedy=_SHARE if tuple(si) == ("1",) else "correct the unit or the channel name",
         )
     return found
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorid.errors import LogError
+from rotorid.errors import LogError, UsageError
 from rotorid.io.tables.mapping import ChannelMapping, MappedChannel, Series
 from rotorid.typing import FloatArray
 from rotorid.units import UNITS_AND_ALIASES
@@ -203,7 +203,14 @@ def with_stamps(
         return Series(source=name, unit=given.unit if given else "")
 
     def own(channel: MappedChannel) -> MappedChannel:
-        return replace(channel, time=clock_of(channel.samples.source, channel.time))
+        first, *others = (name for name, _ in channel.samples.terms)
+        if stray := next((name for name in others if not np.array_equal(stamps[name], stamps[first])), ""):
+            raise UsageError(
+                f"{channel.where} adds up {first} and {stray}, which are logged at different times",
+                needed="variables with the same stamps",
+                remedy="correct `sum` in the mapping",
+            )
+        return replace(channel, time=clock_of(first, channel.time))
 
     channels = tuple(own(channel) for channel in mapping.channels)
     attitude = mapping.attitude

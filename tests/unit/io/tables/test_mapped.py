@@ -232,6 +232,57 @@ def test_another_file_may_have_another_length_and_clock(tmp_path: Path) -> None:
     ]
 
 
+def test_a_file_with_stamps_of_its_own_needs_no_common_clock(tmp_path: Path) -> None:
+    """Motion capture next to an IMU: each file calls its stamps by a name of its own."""
+    (tmp_path / "capture.csv").write_text("time,x,y,z,w,i,j,k\n7,1,2,3,1,0,0,0\n8,1,2,3,1,0,0,0\n")
+    text = """world = "ENU"
+        frame = "FLU"
+        clock = "t [ms]"
+        channels.ax = "a [mg]"
+        vectors.position = { sources = ["x", "y", "z"], file = "capture.csv", time = "time" }
+        vectors.quaternion = { sources = ["w", "i", "j", "k"], file = "capture.csv", time = "time" }
+    """
+    record = through(tmp_path, text, t=np.array([0.0, 5.0, 10.0]), a=np.array([0.0, 1000.0, 0.0]))
+    imu, capture = record.topics
+    assert (imu.time_s.tolist(), imu.values.tolist()) == ([0.0, 0.005, 0.01], [[0.0, 9.80665, 0.0]])
+    assert capture.time_s.tolist() == [7.0, 8.0]
+    assert capture.values[:3, 0].tolist() == [2.0, 1.0, -3.0]
+
+
+def test_a_channel_may_be_a_weighted_sum(tmp_path: Path) -> None:
+    """Axis commands of motor commands, eq. 6 of the Hummingbird's paper, in shares of 200 counts."""
+    text = CLOCK + "[channels]\npitch_command = { sum = { n1 = 0.5, n3 = -0.5 }, scale = 0.005 }\n"
+    record = through(tmp_path, text, n1=np.array([110.0, 90.0]), n3=np.array([90.0, 100.0]))
+    (topic,) = record.topics
+    assert topic.values.tolist() == [[0.05, -0.025]]
+    assert topic.channels[0].source == "0.5 n1 - 0.5 n3"
+
+
+def test_a_sum_of_columns_takes_their_unit(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,n1 [%],n3 [%],n4\n0,60,40,1\n1,70,40,1\n")
+    (tmp_path / "map.toml").write_text('clock = "t"\nchannels.pitch_command.sum = { n1 = 0.5, n3 = -0.5 }\n')
+    record = read(tmp_path / "log.csv", mapping=tmp_path / "map.toml")
+    assert record.topics[0].values.tolist() == [[0.1, 0.15]]
+    (tmp_path / "map.toml").write_text('clock = "t"\nchannels.pitch_command.sum = { n1 = 0.5, n4 = -0.5 }\n')
+    with pytest.raises(UsageError, match=r"adds up 0.5 n1 - 0.5 n4, in %, no unit; expected one unit"):
+        read(tmp_path / "log.csv", mapping=tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("sum = { a = 1.0, c = 1.0 }", "no 'c'"),
+        ("sum = { a = 1.0, b = 1.0 }", "the parts of 1 a [+] 1 b have 2, 3 samples"),
+        ('sum = { a = 1.0 }, source = "a"', "`source` and `sum`; expected one of them"),
+        ("sum = {}", "an empty `sum`"),
+        ('sum = { a = "x" }', "`sum` has `a` = 'x'; expected a finite number"),
+    ],
+)
+def test_a_sum_that_is_none_is_refused(tmp_path: Path, words: str, message: str) -> None:
+    with pytest.raises((UsageError, LogError), match=message):
+        through(tmp_path, CLOCK + f"[channels]\nq = {{ {words} }}\n", a=np.zeros(2), b=np.zeros(3))
+
+
 def test_a_link_cannot_lead_out_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "secret.csv").write_text("y,z\n1,2\n")
     folder = tmp_path / "logs"

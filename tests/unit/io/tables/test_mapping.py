@@ -62,6 +62,7 @@ CHANNEL = '[channels.q]\nsource = "a"\ntime = "t"\n'
         (CHANNEL + 'sorce = "b"', "a key `sorce`.* did you mean source"),
         (CHANNEL + 'unit = "m/s"', r"\[channels.q\] `unit` is 'm/s'; expected a unit of rad/s"),
         (CHANNEL + 'unit = "furlong"', "unknown unit .furlong."),
+        (CHANNEL.replace("q]", "roll_command]") + 'unit = "us"', "no unit: write `scale`.* offset = -1500 and scale"),
         (CHANNEL + 'time_unit = "deg"', "`time_unit` is 'deg'; expected a unit of s"),
         (CHANNEL + 'scale = "2"', "`scale` = '2'"),
         (CHANNEL + "scale = nan", "`scale` = nan"),
