@@ -7,6 +7,7 @@ from rotorid.proposing.judging import JudgedGains as JudgedGains
 from rotorid.proposing.judging import judge_axis as judge_axis
 from rotorid.proposing.judging import judge_gains as judge_gains
 from rotorid.proposing.judging import load_gains as load_gains
+from rotorid.proposing.proposal import AxisTuning as AxisTuning
 from rotorid.proposing.proposal import TuningProposal as TuningProposal
 from rotorid.proposing.proposal import tune as tune
 from rotorid.proposing.settings import TuneSettings as TuneSettings
