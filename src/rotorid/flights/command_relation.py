@@ -103,7 +103,7 @@ class CommandRelation(Immutable):
 
 
 def command_relation(
-    record: FlightRecord, axis: Axis, signals: Sequence[str], *, setpoint: str | None
+    record: FlightRecord, axis: Axis, signals: Sequence[str], *, setpoint: str | None, differences: int = 1
 ) -> CommandRelation:
     """Signals of the controller of an axis over the longest flight, and what went into them.
 
@@ -115,6 +115,9 @@ def command_relation(
         Channels that the controller made.
     setpoint
         What drove it; ``None`` where the signals do not depend on it.
+    differences
+        How often each signal is differenced before it is cut into windows. Two keep slow motion that is a hundred times
+        larger out of the lowest frequencies, and bring more noise of the fast ones there.
 
     Raises
     ------
@@ -145,7 +148,7 @@ def command_relation(
             remedy="Fly longer, or log without gaps.",
         )
     delay_s = injection_delay_s(record)
-    return _transformed(histories, axis, signals, setpoint, length, delay_s)
+    return _transformed(histories, axis, signals, setpoint, length, delay_s, differences)
 
 
 def _accompanying(record: FlightRecord, axis: Axis) -> list[str]:
@@ -180,6 +183,7 @@ def _transformed(
     setpoint: str | None,
     length: int,
     delay_s: float,
+    differences: int,
 ) -> CommandRelation:
     first = histories[0]
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(length, 1.0 / first.sample_rate_hz), dtype=np.float64)
@@ -187,7 +191,9 @@ def _transformed(
     omega = omega[inside]
 
     def spectra(name: str) -> ComplexArray:
-        return np.concatenate([_spectra(np.nan_to_num(history[name]), length)[:, inside] for history in histories])
+        return np.concatenate(
+            [_spectra(np.nan_to_num(history[name]), length, differences)[:, inside] for history in histories]
+        )
 
     found = {name: spectra(name) for name in signals}
     command, excitation = f"{axis}_command", f"{axis}_excitation"
@@ -214,11 +220,13 @@ def _cut(values: FloatArray, length: int) -> FloatArray:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2])
 
 
-def _spectra(values: FloatArray, length: int) -> ComplexArray:
+def _spectra(values: FloatArray, length: int, differences: int) -> ComplexArray:
     """Spectra of windows, of the differences from sample to sample: what drifts leaks into no other frequency."""
-    windows = _cut(np.diff(values, prepend=values[:1]), length)
+    for _ in range(differences):
+        values = np.diff(values, prepend=values[:1])
+    windows = _cut(values, length)
     windows = windows - windows.mean(axis=1, keepdims=True)
     spectra = np.fft.rfft(windows * np.hanning(length + 2)[1:-1], axis=1)
     difference = 1.0 - np.exp(-2j * np.pi * np.arange(spectra.shape[1]) / length)
     difference[0] = 1.0
-    return np.asarray(spectra / difference)
+    return np.asarray(spectra / difference**differences)

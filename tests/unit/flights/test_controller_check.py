@@ -13,12 +13,13 @@ from tests.unit.flights.test_controllers import BETAFLIGHT, NEW, OLD, PX4, fligh
 
 from rotorid.data.findings import warn
 from rotorid.data.quantity import with_error
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controller_check import SAME_GAIN, check_controller, check_given, controller_findings
 from rotorid.flights.controllers import EXPLAINED, controllers_of
 from rotorid.loops.plants import PlantUnavailableError
 from rotorid.loops.rate_loops import rate_loop
+from rotorid.models.autopilots import axis_controller
 
 ARDUPILOT = {
     **{
@@ -282,3 +283,35 @@ def test_the_loop_rate_of_betaflight_is_that_of_its_header_and_not_of_its_log() 
     found = controllers_of(record).axis("roll")
     assert found is not None
     assert found.loop_rate_hz == pytest.approx(8000.0)
+
+
+def test_a_slow_swing_is_no_other_integral() -> None:
+    """Motion of 1 rad/s fifty times larger than that of 3 rad/s, as a soft yaw in gusts makes it.
+
+    In the windows of one difference it leaks to the lowest frequency and shows twice the integral.
+    """
+    soft = {"MC_ROLLRATE_P": 0.02, "MC_ROLLRATE_I": 0.06, "MC_ROLLRATE_D": 0.0, "IMU_GYRO_RATEMAX": 100.0}
+    count, rate_hz = 6000, 100.0
+    rng = np.random.default_rng(5)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(count, 1.0 / rate_hz)
+    omega[0] = 1e-3
+    slow = np.where((omega > 0.5) & (omega < 1.5), 1.0, 0.0) + 0.02 / (1.0 + 1j * omega / 60.0)
+    noise = np.fft.rfft(rng.standard_normal(count))
+    found = axis_controller(soft, "roll", firmware=NEW, loop_rate_hz=rate_hz)
+    assert found is not None
+    y = noise * slow
+    columns = {
+        "p": np.fft.irfft(y, count),
+        "p_setpoint": 1e-4 * rng.standard_normal(count),
+        "roll_command": np.fft.irfft(-found.controller.rate_loop.response(omega) * y, count),
+    }
+    channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=f"log.{name}") for name in columns)
+    topic = Topic(
+        name="all", time_s=np.arange(count) / rate_hz, channels=channels, values=np.stack(list(columns.values()))
+    )
+    source = Source(name="log", format="PX4 ULog", sha256="0", firmware=NEW)
+    record = FlightRecord(source=source, topics=(topic,), parameters=soft)
+    assert check_controller(record, "roll").verdict == "made"
+    for factor in (0.7, 1.3):
+        other = replace(record, parameters={**soft, "MC_ROLLRATE_P": factor * soft["MC_ROLLRATE_P"]})
+        assert check_controller(other, "roll").verdict == "not made"
