@@ -20,22 +20,30 @@ def rows() -> list[Row]:
     return [one((number, axis, hard)) for hard in (False, True) for number in NUMBERS for axis in AXES]
 
 
-def flown(rows: list[Row], *, hard: bool | None = None) -> list[Row]:
-    return [row for row in rows if not row.refused and (hard is None or row.hard == hard)]
+def flown(rows: list[Row], *, hard: bool | None = None, axis: str = "") -> list[Row]:
+    return [row for row in rows if not row.refused and (hard is None or row.hard == hard) and axis in ("", row.axis)]
 
 
 def test_none_is_destabilized(rows: list[Row]) -> None:
-    assert len(flown(rows)) >= 0.6 * len(rows)
-    assert all(row.stable for row in rows)
+    assert all(row.stable for row in flown(rows) if row.changed)
 
 
-def test_sensitivity_peaks_hold_where_gains_were_proposed(rows: list[Row]) -> None:
-    changed = [row for row in flown(rows, hard=False) if row.changed]
+def test_few_are_refused(rows: list[Row]) -> None:
+    assert len(flown(rows)) >= 0.85 * len(rows)
+
+
+KINDS = [(hard, axis) for hard in (False, True) for axis in AXES]
+
+
+@pytest.mark.parametrize(("hard", "axis"), KINDS)
+def test_sensitivity_peaks_hold_where_gains_were_proposed(rows: list[Row], hard: bool, axis: str) -> None:
+    changed = [row for row in flown(rows, hard=hard, axis=axis) if row.changed]
     assert np.mean([row.peak <= MOST_PEAK for row in changed]) >= 0.98
 
 
-def test_the_exact_plant_is_what_was_foretold(rows: list[Row]) -> None:
-    inside = [value for row in flown(rows, hard=False) for value in row.inside.values()]
+@pytest.mark.parametrize(("hard", "axis"), KINDS)
+def test_the_exact_plant_is_what_was_foretold(rows: list[Row], hard: bool, axis: str) -> None:
+    inside = [value for row in flown(rows, hard=hard, axis=axis) for value in row.inside.values()]
     assert np.mean(inside) >= 0.93
 
 
