@@ -13,7 +13,8 @@ from rotorid.data.record import FlightRecord
 from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.motors import motors
 from rotorid.reviewing.noise import noise
-from rotorid.reviewing.spectra import on_harmonics, rotor_speeds_hz
+from rotorid.flights.sensor_samples import rotor_speeds_hz
+from rotorid.reviewing.spectra import on_harmonics
 from rotorid.signal.airborne import airborne, within
 from rotorid.spectral.noise import short_spectra
 

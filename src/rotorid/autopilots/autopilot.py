@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
+    from rotorid.autopilots.notches import FilterChange, Motion, MovingNotches, NoiseLines
     from rotorid.autopilots.passages import Passage
     from rotorid.autopilots.thrust import Linearization, ThrustParameter
     from rotorid.data.findings import Finding
@@ -26,6 +27,16 @@ def _unknown_passage(_record: FlightRecord, _source: str, _sensor_rate_hz: float
     from rotorid.autopilots.passages import UNKNOWN, doubtful
 
     return doubtful(UNKNOWN)
+
+
+def _no_notches(_record: FlightRecord, _motion: Motion) -> MovingNotches:
+    from rotorid.autopilots.notches import no_notches
+
+    return no_notches()
+
+
+def _no_changes(_record: FlightRecord, _lines: NoiseLines) -> Sequence[FilterChange]:
+    return ()
 
 
 def _unknown_linearization(_record: FlightRecord) -> Linearization | None:
@@ -74,6 +85,10 @@ class Log:
         Name of the frame, and in brackets what the log says instead of one; ``None`` where it names none.
     passage
         What a channel has passed: of the record, the source of the channel and the sensor's rate where one is given.
+    moving_notches
+        The notches of its gyro that follow something, of the record and of what they follow.
+    filter_changes
+        Filters that it offers against lines in the noise.
     linearization
         How demands become the logged outputs; ``None`` where that is not known.
     accelerometer_cutoff_hz
@@ -94,6 +109,8 @@ class Log:
     topics_listed: bool = False
     frame: Callable[[FlightRecord], tuple[str, str] | None] = _no_frame
     passage: Callable[[FlightRecord, str, float | None], Passage] = _unknown_passage
+    moving_notches: Callable[[FlightRecord, Motion], MovingNotches] = _no_notches
+    filter_changes: Callable[[FlightRecord, NoiseLines], Sequence[FilterChange]] = _no_changes
     linearization: Callable[[FlightRecord], Linearization | None] = _unknown_linearization
     accelerometer_cutoff_hz: Callable[[FlightRecord], float] = _no_cutoff
 

@@ -22,20 +22,17 @@ from rotorid.data.quantities import QUANTITIES, VIBRATION_BANDS_HZ
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.flights.controllers import controllers_of
-from rotorid.reviewing.spectra import (
-    BINS,
+from rotorid.flights.sensor_samples import (
     LEAST_RATE_HZ,
     LINES_ABOVE_HZ,
     OF_RATE,
     Level,
     Sensor,
     level_of,
-    map_of,
-    peaks_of,
-    plotted_factor,
     samples_of,
     sensors_of,
 )
+from rotorid.reviewing.spectra import BINS, map_of, peaks_of, plotted_factor
 from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable, section
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters

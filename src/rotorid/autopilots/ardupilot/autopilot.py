@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log
 
 if TYPE_CHECKING:
+    from rotorid.autopilots.notches import FilterChange, Motion, MovingNotches, NoiseLines
     from rotorid.autopilots.passages import Passage
     from rotorid.autopilots.thrust import Linearization, ThrustParameter
     from rotorid.data.findings import Finding
@@ -20,6 +21,18 @@ def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) ->
     from rotorid.autopilots.ardupilot.filters import passage
 
     return passage(record, source, sensor_rate_hz)
+
+
+def _moving_notches(record: FlightRecord, motion: Motion) -> MovingNotches:
+    from rotorid.autopilots.ardupilot.notches import moving_notches
+
+    return moving_notches(record.parameters, motion)
+
+
+def _filter_changes(record: FlightRecord, lines: NoiseLines) -> Sequence[FilterChange]:
+    from rotorid.autopilots.ardupilot.notches import filter_changes
+
+    return filter_changes(record.parameters, lines)
 
 
 def _linearization(record: FlightRecord) -> Linearization | None:
@@ -123,6 +136,8 @@ ARDUPILOT = Autopilot(
         in_one_turn=True,
         frame=_frame,
         passage=_passage,
+        moving_notches=_moving_notches,
+        filter_changes=_filter_changes,
         linearization=_linearization,
     ),
     telemetry=Log(telemetry=True, frame=_frame_of_class, linearization=_linearization),

@@ -9,6 +9,7 @@ from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log,
 from rotorid.autopilots.betaflight import advice
 
 if TYPE_CHECKING:
+    from rotorid.autopilots.notches import FilterChange, Motion, MovingNotches, NoiseLines
     from rotorid.autopilots.passages import Passage
     from rotorid.autopilots.thrust import ThrustParameter
     from rotorid.data.flight_plan import FlightPlan, PlannedInput
@@ -19,6 +20,18 @@ def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) ->
     from rotorid.autopilots.betaflight.filters import passage
 
     return passage(record, source, sensor_rate_hz)
+
+
+def _moving_notches(record: FlightRecord, motion: Motion) -> MovingNotches:
+    from rotorid.autopilots.betaflight.notches import moving_notches
+
+    return moving_notches(record.parameters, motion)
+
+
+def _filter_changes(record: FlightRecord, lines: NoiseLines) -> Sequence[FilterChange]:
+    from rotorid.autopilots.betaflight.notches import filter_changes
+
+    return filter_changes(record.parameters, lines)
 
 
 def _accelerometer_cutoff_hz(record: FlightRecord) -> float:
@@ -77,6 +90,8 @@ BETAFLIGHT = Autopilot(
         fields_chosen=True,
         in_one_turn=True,
         passage=_passage,
+        moving_notches=_moving_notches,
+        filter_changes=_filter_changes,
         accelerometer_cutoff_hz=_accelerometer_cutoff_hz,
     ),
     advice=Advice(

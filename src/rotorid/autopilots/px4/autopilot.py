@@ -10,6 +10,7 @@ from rotorid.autopilots.px4 import advice
 from rotorid.autopilots.px4.versions import firmware_shown
 
 if TYPE_CHECKING:
+    from rotorid.autopilots.notches import FilterChange, Motion, MovingNotches, NoiseLines
     from rotorid.autopilots.passages import Passage
     from rotorid.autopilots.thrust import Linearization, ThrustParameter
     from rotorid.data.flight_plan import FlightPlan, PlannedInput
@@ -20,6 +21,18 @@ def _passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) ->
     from rotorid.autopilots.px4.filters import passage
 
     return passage(record, source, sensor_rate_hz)
+
+
+def _moving_notches(record: FlightRecord, motion: Motion) -> MovingNotches:
+    from rotorid.autopilots.px4.notches import moving_notches
+
+    return moving_notches(record.parameters, motion)
+
+
+def _filter_changes(record: FlightRecord, lines: NoiseLines) -> Sequence[FilterChange]:
+    from rotorid.autopilots.px4.notches import filter_changes
+
+    return filter_changes(record.parameters, lines)
 
 
 def _linearization(_record: FlightRecord) -> Linearization:
@@ -79,6 +92,8 @@ PX4 = Autopilot(
         unfiltered_topic="sensor_combined",
         topics_listed=True,
         passage=_passage,
+        moving_notches=_moving_notches,
+        filter_changes=_filter_changes,
         linearization=_linearization,
     ),
     advice=Advice(

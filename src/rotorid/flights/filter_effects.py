@@ -1,0 +1,201 @@
+r"""What other filters would do to a flown loop: noise of the command, moment by moment, and phase at the crossover.
+
+The rate that a controller took has passed the flown filters :math:`F`; others :math:`F'` would have made of its density
+:math:`S` in the moment :math:`k`
+
+.. math:: \sigma^2 = \frac{1}{n} \sum_k \int S_k \left| \frac{F'_k}{F_k} \right|^2 |C'|^2 \, df
+
+of the command through P and D of the controller :math:`C'`, whose own filters may change too. Notches that follow the
+motors have another response in each moment. The feedback is left out: at these frequencies loops have little gain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from rotorid.autopilots.filters import combined_response
+from rotorid.autopilots.notches import SPEEDS_UNKNOWN, Motion, MovingNotches
+from rotorid.autopilots.registry import autopilot_of
+from rotorid.data.quantity import TWO_SIDED_95, Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.controllers import LogControllers
+from rotorid.flights.gyro_noise import GyroNoise
+from rotorid.models.controller import RateController
+from rotorid.signal.autopilot_filters import controller_filters
+from rotorid.typing import Axis, ComplexArray, FloatArray
+
+PARTS = 10
+"""Parts of a flight whose scatter gives the intervals."""
+
+NOISE_ABOVE_HZ = 30.0
+"""Below it is the motion of the vehicle."""
+
+_MODEL_ERROR = 0.03
+"""Share of the noise that is left by which a prediction errs whatever the length of the flight: the next one has other
+throttles, and speeds of motors are known to a per cent."""
+
+_SLOWEST = 0.05
+"""Share of the flight with lower centers of notches than those that margins are judged with."""
+
+_LEAST_GAIN = 1e-4
+"""Least response of a flown filter that is taken off."""
+
+LOG_SPEEDS = "log the motors' speeds at 40 Hz and more"
+
+FilteredDensity = Mapping[str, FloatArray]
+"""Rate to its density behind other notches, averaged over each part of a flight, shape ``(parts, f)``."""
+
+
+def with_parameters(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:
+    """The record with other parameters, by the names of its own; those that it lacks are added."""
+    return replace(record, parameters={**record.parameters, **values})
+
+
+def _moving(record: FlightRecord, noise: GyroNoise) -> MovingNotches:
+    return autopilot_of(record).log.moving_notches(record, noise.motion)
+
+
+def filtered_density(record: FlightRecord, then: FlightRecord, noise: GyroNoise) -> FilteredDensity:
+    """Densities of the rates with the notches and low-passes of the gyro of another record.
+
+    Raises
+    ------
+    InsufficientDataError
+        A notch that changes follows something that is not in the log.
+    """
+    omega = noise.omega_rad_s
+    ratio = (
+        np.abs(_static_ratio(record, then, omega))[None] ** 2 * np.abs(_moving_ratio(record, then, noise, omega)) ** 2
+    )
+    parts = np.array_split(np.arange(noise.time_s.size), PARTS)
+    return {
+        name: np.stack([(rows[part] * ratio[part if len(ratio) > 1 else [0]]).mean(axis=0) for part in parts])
+        for name, rows in noise.density.items()
+    }
+
+
+def _static_ratio(record: FlightRecord, then: FlightRecord, omega: FloatArray) -> ComplexArray:
+    before, after = (combined_response(controller_filters(one), omega) for one in (record, then))
+    return np.asarray(after / np.where(np.abs(before) < _LEAST_GAIN, _LEAST_GAIN, before))
+
+
+def _moving_ratio(record: FlightRecord, then: FlightRecord, noise: GyroNoise, omega: FloatArray) -> ComplexArray:
+    """Moving notches of another record over the flown ones, shape ``(n, f)``, or ``(1, f)`` where none changes."""
+    before, after = (_moving(one, noise) for one in (record, then))
+    if before.settings == after.settings:
+        return np.ones((1, omega.size), dtype=np.complex128)
+    if unknown := before.unknown or after.unknown:
+        raise InsufficientDataError(unknown, remedy=LOG_SPEEDS)
+    over, under = after.response(omega), before.response(omega)
+    return np.asarray(over / np.where(np.abs(under) < _LEAST_GAIN, _LEAST_GAIN, under))
+
+
+def command_powers(
+    controller: RateController, noise: GyroNoise, density: FloatArray, *, above_hz: float = NOISE_ABOVE_HZ
+) -> FloatArray:
+    """Mean square of a command through P and D, in each part of a flight, shape ``(parts,)``.
+
+    Parameters
+    ----------
+    controller
+        With its gains and the filters of its terms.
+    density
+        Of the rate, shape ``(parts, f)``.
+    above_hz
+        Noise below it does not count.
+    """
+    omega = noise.omega_rad_s
+    gain = np.abs(replace(controller, integral=0.0, angle_1_s=0.0).response(omega)) ** 2
+    step_hz = float(noise.frequency_hz[1] - noise.frequency_hz[0])
+    return np.asarray(density @ (gain * (noise.frequency_hz >= above_hz)) * step_hz)
+
+
+def saved(flown: FloatArray, then: FloatArray) -> Quantity:
+    r"""Noise that is saved, per cent of the root mean square; negative where there is more of it.
+
+    .. math:: 100 (1 - e^{x}), \qquad x = \tfrac{1}{2} \ln \frac{\sum_k \sigma_k'^2}{\sum_k \sigma_k^2}
+
+    with a jackknife over the parts of the flight and 3 % of what is left.
+
+    Parameters
+    ----------
+    flown, then
+        Mean squares in each part, shape ``(parts,)``.
+
+    Examples
+    --------
+    >>> found = saved(np.full(10, 4.0), np.full(10, 1.0))
+    >>> round(found.value), round(found.lower), round(found.upper)
+    (50, 47, 53)
+    """
+    if np.array_equal(flown, then) or not flown.sum() > 0.0:
+        return Quantity(value=0.0, std=0.0, lower=0.0, upper=0.0, unit="%")
+    ratio = 0.5 * math.log(float(then.sum() / flown.sum()))
+    rest = 0.5 * np.log((then.sum() - then) / (flown.sum() - flown))
+    std = math.hypot(math.sqrt((rest.size - 1) * float(np.var(rest))), _MODEL_ERROR)
+    ends = [100.0 * (1.0 - math.exp(ratio + sign * TWO_SIDED_95 * std)) for sign in (1.0, -1.0)]
+    left = math.exp(ratio)
+    return Quantity(value=100.0 * (1.0 - left), std=100.0 * left * std, lower=ends[0], upper=ends[1], unit="%")
+
+
+def ratio_at_slowest(
+    record: FlightRecord, then: FlightRecord, noise: GyroNoise | None, omega_rad_s: FloatArray
+) -> ComplexArray:
+    """Filters of the gyro of another record over the flown ones, for margins, shape ``(f,)``.
+
+    A notch that follows the motors lags most where they are slowest: it is that moment.
+
+    Parameters
+    ----------
+    noise
+        Of the flight; ``None`` where it is not known, which only matters for notches that move.
+
+    Raises
+    ------
+    InsufficientDataError
+        A notch that changes follows something that is not in the log.
+    """
+    static = _static_ratio(record, then, omega_rad_s)
+    if noise is None:
+        before, after = (autopilot_of(one).log.moving_notches(one, Motion(None, None)) for one in (record, then))
+        if before.settings != after.settings:
+            raise InsufficientDataError(before.unknown or after.unknown or SPEEDS_UNKNOWN, remedy=LOG_SPEEDS)
+        return static
+    moving = _moving_ratio(record, then, noise, omega_rad_s)
+    if len(moving) == 1:
+        return np.asarray(static * moving[0])
+    # The lag at a low frequency orders the moments.
+    lags = -np.angle(moving[:, int(np.searchsorted(omega_rad_s, 0.2 * omega_rad_s[-1]))])
+    return np.asarray(static * moving[int(np.argsort(lags)[math.ceil((1.0 - _SLOWEST) * (lags.size - 1))])])
+
+
+def phase_cost(
+    record: FlightRecord,
+    then: FlightRecord,
+    noise: GyroNoise,
+    axis: Axis,
+    crossover_rad_s: float,
+    *,
+    flown: LogControllers,
+) -> Quantity:
+    """Phase that other filters cost at the crossover of an axis, degrees; negative where they give some.
+
+    The interval is that of the centers of moving notches over the flight.
+
+    Parameters
+    ----------
+    flown
+        The controllers of the record.
+    """
+    at = np.array([crossover_rad_s])
+    pair = (flown.axis(axis), flown.with_parameters(then.parameters).axis(axis))
+    before, after = (1.0 if one is None else one.controller.rate_loop.response(at)[0] for one in pair)
+    ratios = after / before * _static_ratio(record, then, at)[0] * _moving_ratio(record, then, noise, at)[:, 0]
+    angles = -np.degrees(np.angle(ratios))
+    low, middle, high = (float(value) for value in np.quantile(angles, (0.025, 0.5, 0.975)))
+    return Quantity(value=middle, std=float(np.std(angles)), lower=low, upper=high, unit="deg")
