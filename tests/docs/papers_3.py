@@ -25,6 +25,8 @@ TRUE: dict[str, Callable[[Runs], float] | float] = {
     "M_q": truth("px4", "M_q"),
     "N_r": truth("px4", "N_r"),
     "Z_w": truth("px4", "Z_w"),
+    "X_u": truth("px4", "X_u"),
+    "Y_v": truth("px4", "Y_v"),
     "T_motor": px4.LAG_S,
     "kappa_per_I_zz": KAPPA_M / I_ZZ,
     "c_1": px4.THRUST_N,
@@ -187,6 +189,15 @@ LINES = (
     Line("motors", "motor lag G(s)", *all_of("motors", "T_motor", "L_p", "M_q", "Z_w")),
     Line(
         "motors",
+        "ẍ, ÿ from thrust",
+        *all_of("motors", "X_u", "Y_v"),
+        *(
+            Number(f"{name} explained [%]", field("motors", "fit_percent", name), least=50.0)
+            for name in ("velocity_forward_dot", "velocity_right_dot")
+        ),
+    ),
+    Line(
+        "motors",
         "15 individuals",
         Number("evaluations", field("motors", "search", "evaluations"), paper=750, within=0),
         Number("individuals", lambda runs: runs["motors"].document["search"]["trace"][0][0], paper=15, within=0),
@@ -224,7 +235,7 @@ LINES = (
         Number("I_zz [kg m²]", parameter("motors", "I_zz"), truth=I_ZZ),
         Fact("the table is LaTeX", lambda runs: "tabular" in runs["motors"].text("tables/parameters.tex")),
     ),
-    Line("motors", "fig 1", drawn("motors", "motors-flight-0", panels=4, curves=8)),
+    Line("motors", "fig 1", drawn("motors", "motors-flight-0", panels=6, curves=12)),
     Line(
         "motors",
         "agreement in numbers",

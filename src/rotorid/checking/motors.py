@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -33,6 +34,7 @@ from rotorid.fits.motors.fitted import levers_of
 from rotorid.fits.motors.motion import Motion, motions, scores, simulated_record
 from rotorid.fitting.motors.excitation import excitations
 from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.translation import DRAG, with_translation
 from rotorid.flights.motor_data import MotorData, motor_data
 from rotorid.models.families import MOTORS
 from rotorid.models.flight import INERTIA
@@ -43,7 +45,7 @@ from rotorid.typing import FloatArray
 from rotorid.verification.flight import BODY, FlightJudgement, load_errors, percents
 from rotorid.verification.verification import Verification
 
-_AXES = ("az", "p", "q", "r")
+_AXES = ("az", "p", "q", "r", *DRAG)
 
 _PIECE_S = 2.0
 """Length of the pieces in which rates are integrated, unless the user chose one."""
@@ -119,7 +121,7 @@ class MotorPredictor(RotorPredictor):
 
     def data(self, record: FlightRecord, segments: Sequence[Maneuver]) -> MotorData:
         """A log as for a fit, see :meth:`rotorid.checking.rotors.RotorPredictor.read`."""
-        return self.read(motor_data, record, segments)
+        return self.read(partial(motor_data, translation=not set(DRAG).isdisjoint(self.axes)), record, segments)
 
     def _verification(self, moved: Motion) -> Verification:
         return replace(_verification(moved, self.inputs), flight=self._judged(moved))
@@ -131,7 +133,7 @@ class MotorPredictor(RotorPredictor):
         missed = {
             name: size * (measured - modeled)
             for name, (measured, modeled) in moved.rows.items()
-            if (size := sizes[name]) is not None
+            if (size := sizes.get(name)) is not None
         }
         outside_percent: float | None = None
         outside: dict[str, float] = {}
@@ -153,7 +155,8 @@ class MotorPredictor(RotorPredictor):
     def motions(self, data: MotorData, parameters: ParameterSet) -> tuple[Motion, ...]:
         """Stretches of a log as measured and as the motors make them, at some values of the parameters."""
         problem = MotorProblem(records=data.records, levers=levers_of(data), parameters=parameters, axes=self.axes)
-        return motions(problem, parameters.pack(), data.stretches, excitations(data.records, problem.levers))
+        found = with_translation(excitations(data.records, problem.levers), data.records)
+        return motions(problem, parameters.pack(), data.stretches, found)
 
 
 def known_motors(table: Mapping[str, Any]) -> MotorPredictor:

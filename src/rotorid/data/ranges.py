@@ -49,7 +49,8 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     places = "north east down"
     found |= within(f"{places} {' '.join(f'{name}_setpoint' for name in places.split())}", 1e6)
     # 200 g: what the coarsest accelerometers end at.
-    found |= within("ax ay az u_dot v_dot w_dot velocity_down_dot", 2000.0) | within("p_dot q_dot r_dot", 1e5)
+    found |= within("ax ay az u_dot v_dot w_dot", 2000.0) | within("p_dot q_dot r_dot", 1e5)
+    found |= within("velocity_forward_dot velocity_right_dot velocity_down_dot", 2000.0)
     return MappingProxyType(found | {"battery_voltage": (-1.0, 1000.0), "battery_current": (-2000.0, 2000.0)})
 
 

@@ -66,7 +66,8 @@ def _standard() -> Mapping[str, str]:
     units |= {f"{name}_{stage}": unit for name, unit in _FILTERED.items() for stage in ("raw", "filtered")}
     units |= {f"{axis}_{term}_term": "1" for axis in AXES[:3] for term in "pidf"}
     units |= {f"{axis}_slew_factor": "1" for axis in AXES[:3]}
-    units |= {"velocity_forward": "m/s", "velocity_right": "m/s", "velocity_down_dot": "m/s^2"}
+    units |= {"velocity_forward": "m/s", "velocity_right": "m/s"}
+    units |= {f"velocity_{way}_dot": "m/s^2" for way in ("forward", "right", "down")}
     units |= {"wind_north": "m/s", "wind_east": "m/s", "accel_clips": "1", "hover_thrust": "1"}
     units |= {f"{name}_vibration": "m/s^2" for name in ("ax", "ay", "az")}
     return MappingProxyType(units | {"battery_voltage": "V", "battery_current": "A"})

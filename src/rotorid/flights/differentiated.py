@@ -15,6 +15,7 @@ differentiated twice grows with the square of the frequency,
 
 behind the low-pass H of the fit, or :math:`\sqrt 6 f_s^2 \sigma` for second differences without one. It is stated for
 each log (``differentiated``). What differentiation cannot undo: angles of an estimator that are smoothed or late.
+Velocities are derivatives of positions in the same way.
 
 The vertical force assumes that the vehicle pushes along its own z axis and drag along x and y is small.
 """
@@ -34,16 +35,21 @@ from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.excitation import SLOW_HZ
 from rotorid.frames import rates_from_attitude
+from rotorid.signal.kinematics import EARTH_VELOCITIES, VELOCITIES
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 HEIGHT = "down"
+POSITIONS = ("north", "east", HEIGHT)
 
 _LEAST_ANGLE_HZ = 5.0 * SLOW_HZ
 """Least rate of angles that are differentiated twice."""
 
 _LEAST_HEIGHT_HZ = SLOW_HZ
 """Least rate of a height that is."""
+
+_LEAST_POSITION_HZ = 2.0 * SLOW_HZ
+"""Least rate of positions that are."""
 
 _FEWEST = 16
 """Least number of samples that are."""
@@ -84,6 +90,46 @@ def from_angles(record: FlightRecord, outputs: Sequence[str] = ()) -> tuple[Flig
         topics.append(force)
         findings.append(finding)
     return replace(record, topics=(*topics, *record.topics)), tuple(findings)
+
+
+def with_velocities(record: FlightRecord, outputs: Sequence[str] = ()) -> tuple[FlightRecord, tuple[Finding, ...]]:
+    """A record whose velocities are derivatives of its positions, and what that costs.
+
+    Parameters
+    ----------
+    record
+        The log; one that holds velocities stays as it is, and so does one without positions at 10 Hz and more.
+    outputs
+        Channels to differentiate although velocities were logged: ``north``, ``east`` or both.
+
+    Raises
+    ------
+    InsufficientDataError
+        Positions are asked for and missing, or were logged too slowly.
+    """
+    wanted, logged = bool(set(outputs) & set(POSITIONS[:2])), set(record.channel_names)
+    if not wanted and (set(EARTH_VELOCITIES) <= logged or set(VELOCITIES) <= logged):
+        return record, ()
+    try:
+        positions = _samples(record, POSITIONS, least_hz=_LEAST_POSITION_HZ)
+    except InsufficientDataError:
+        if wanted:
+            raise
+        return record, ()
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(positions.time_s, positions.values, axis=1)
+    topic = Topic(
+        name=f"{positions.topic}, differentiated",
+        time_s=positions.time_s,
+        channels=tuple(Channel(name=name, unit="m/s") for name in EARTH_VELOCITIES),
+        values=spline(positions.time_s, 1),
+    )
+    across = positions._replace(names=POSITIONS[:2])
+    accelerations = spline(positions.time_s, 2)[:2]
+    words = "the velocities"
+    finding = _price(record, across, positions.values[:2], accelerations, words=words, unit="m")
+    return replace(record, topics=(topic, *record.topics)), (finding,)
 
 
 class _Samples(NamedTuple):

@@ -23,7 +23,7 @@ from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver, MotorRecord, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.motors.fit import LEAST_SAMPLES
-from rotorid.flights.differentiated import from_angles
+from rotorid.flights.differentiated import from_angles, with_velocities
 from rotorid.flights.flights import Flight, longest_flight
 from rotorid.flights.instruments import while_flying
 from rotorid.flights.rotor_order import require_order, rotor_order
@@ -35,7 +35,7 @@ from rotorid.settings.motors import MotorSettings, chosen_layout
 from rotorid.signal.autopilot_filters import filter_findings, given_filters, known_filters
 from rotorid.signal.clock import interpolated, resample
 from rotorid.signal.excitations import find_excitations
-from rotorid.signal.kinematics import ACCELERATIONS, VELOCITIES, ingredients
+from rotorid.signal.kinematics import ACCELERATIONS, EARTH_VELOCITIES, VELOCITIES, ingredients
 from rotorid.signal.motors import Kind, MotorHistory, linearization_of, motor_history, voltage_factor, with_motors
 from rotorid.typing import Axis, FloatArray
 
@@ -123,6 +123,15 @@ def motor_channels_of(record: FlightRecord, stretch: Maneuver) -> Channels:  # n
     moving = "w" in record.channel_names or set(followers) <= set(record.channel_names)
     wanted = ("w",) if "w" in record.channel_names else followers
     return Channels(_MEASURED, wanted if moving else (), (*_MEASURED, "w") if moving else _MEASURED)
+
+
+def with_velocity_of(record: FlightRecord, stretch: Maneuver) -> Channels:
+    """The same with body velocities and attitude, where the log has them."""
+    logged = set(record.channel_names)
+    velocities = next((names for names in (EARTH_VELOCITIES, VELOCITIES) if set(names) <= logged), ())
+    if not velocities or not set(ATTITUDE) <= logged:
+        return motor_channels_of(record, stretch)
+    return Channels(_MEASURED, (*velocities, *ATTITUDE), (*_MEASURED, *VELOCITIES, *ATTITUDE))
 
 
 def on_one_clock(
@@ -391,6 +400,7 @@ def motor_data(
     reference_v: float | None = None,
     layout: RotorLayout | None = None,
     reading: Reading | None = None,
+    translation: bool = False,
 ) -> MotorData:
     """Motors, rates and specific force of every log on one clock.
 
@@ -406,6 +416,8 @@ def motor_data(
         The rotors, where they are known from elsewhere; by default those of the choices, or of the logs.
     reading
         What of the logs is used; excitations, with rates and the force along the rotors, by default.
+    translation
+        Whether velocity and attitude are used too; always by ``accelerations``.
 
     Raises
     ------
@@ -414,12 +426,17 @@ def motor_data(
     UsageError
         Logs are of different vehicles, or of motors of different kind, or no given segment lies inside one.
     """
-    stretches_of, channels_of = reading or Reading(_stretches, motor_channels_of)
+    translation = translation or choices.method == "accelerations"
+    stretches_of, channels_of = reading or Reading(_stretches, with_velocity_of if translation else motor_channels_of)
     each_once(records)
     require_inside(records, choices.segments)
     differentiated: list[Finding] = []
     if choices.method == "accelerations":
         made = [from_angles(record, choices.outputs) for record in records]
+        records = [record for record, _ in made]
+        differentiated += [finding for _, findings in made for finding in findings]
+    if translation:
+        made = [with_velocities(record, choices.outputs) for record in records]
         records = [record for record, _ in made]
         differentiated += [finding for _, findings in made for finding in findings]
     # A vehicle that never flew is refused for that, before its rotors are asked for.

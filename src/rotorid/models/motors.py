@@ -10,6 +10,9 @@ r"""The chain from motor outputs to accelerations: its parameters, which a fligh
     \dot q = \tfrac{1}{I_{yy}} \sum x_i F_i + M_q q, \qquad
     \dot r = \tfrac{\kappa}{I_{zz}} \sum s_i F_i + \tfrac{h}{I_{zz}} \sum s_i \dot x_i + N_r r
 
+    \dot v_{forward} &= a_z \sin\theta \cos\phi + X_u u \cos\theta + Y_v v \sin\theta \sin\phi, \qquad
+    \dot v_{right} = -a_z \sin\phi + Y_v v \cos\phi
+
 with rotor i at :math:`(x_i, y_i)`, the direction :math:`s_i` of its torque, and the angular momentum h of a rotor at
 full output: the vehicle takes up what rotors gain that speed up. Accelerations alone know ratios: thrust by mass, mass
 by inertia, :math:`\kappa` and h by :math:`I_{zz}`. One known mass, thrust or inertia sets the scale of all; one of
@@ -73,6 +76,8 @@ _UNITS: Mapping[str, str] = {
     "M_q": "1/s",
     "N_r": "1/s",
     "Z_w": "1/s",
+    "X_u": "1/s",
+    "Y_v": "1/s",
 }
 _STARTS: Mapping[str, float] = {
     "m": 1.0,
@@ -109,6 +114,8 @@ _OF_AXIS: Mapping[str, tuple[str, ...]] = {
     "p": ("I_xx", "L_p"),
     "q": ("I_yy", "M_q"),
     "r": ("kappa_per_I_zz", "N_r"),
+    "x": ("X_u",),
+    "y": ("Y_v",),
 }
 
 
@@ -134,7 +141,7 @@ def motor_parameters(
         Values that were measured otherwise: mass, inertia, a coefficient of thrust from a bench, ``kappa``, a lag.
         Where none of :data:`SCALES` is among them, mass is held at one kilogram: thrust and inertia are per kilogram.
     axes
-        Those of ``az p q r`` that were excited.
+        Those of ``az p q r x y`` that were excited; x and y are level axes, forward and right.
     lag
         Whether the motors lag behind their outputs; not so for measured speeds.
     heave_damping
@@ -164,7 +171,7 @@ def motor_parameters(
     if scale_of(fixed, axes) is None:
         fixed["m"] = 1.0
     names = ["m", *CURVE_TERMS[curve]]
-    names += [name for axis in ("p", "q", "r", "az") if axis in axes for name in _OF_AXIS[axis]]
+    names += [name for axis in ("p", "q", "r", "az", "x", "y") if axis in axes for name in _OF_AXIS[axis]]
     names += [SPIN_UP] if "r" in axes and (spin_up or SPIN_UP in fixed) else []
     # Without a lag a delay to samples of the force moves whole samples or nothing.
     names = [*names, "T_motor"] if lag else [name for name in names if name != "tau_accel"]

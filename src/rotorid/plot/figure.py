@@ -408,7 +408,13 @@ def magnitude_range_db(shown_db: FloatArray) -> tuple[float, float] | None:
     return middle - NARROWEST_DB / 2.0, middle + NARROWEST_DB / 2.0
 
 
-_WHOLE = {"p_dot": "roll acceleration", "q_dot": "pitch acceleration", "r_dot": "yaw acceleration"}
+_WHOLE = {
+    "p_dot": "roll acceleration",
+    "q_dot": "pitch acceleration",
+    "r_dot": "yaw acceleration",
+    "velocity_forward_dot": "forward acceleration",
+    "velocity_right_dot": "acceleration to the right",
+}
 
 _SUFFIXES = {"_setpoint": "setpoint", "_dot": "derivative"}
 

@@ -10,6 +10,7 @@ import numpy as np
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.quantity import MISSING, milliseconds, significant, unit, with_error
 from rotorid.documents.result import ResultDocument
+from rotorid.fits.motors.motion import CHANNELS
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
 from rotorid.models.flight import speeds_of_outputs
 from rotorid.plot.figure import quantity
@@ -34,7 +35,7 @@ from rotorid.verification.verification import Scores
 
 _NAMES = {"m": "Mass", "I_xx": "Roll inertia", "I_yy": "Pitch inertia", "I_zz": "Yaw inertia"}
 _STATUS = {"fixed": "given", "tied": "computed from the others", "free": ""}
-_CHANNELS = {"az": "az", "p": "p_dot", "q": "q_dot", "r": "r_dot"}
+_WAYS = {"x": "forward", "y": "right"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,6 +79,7 @@ def vehicle_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[Vehicl
         *_thrust(document, motors),
         *_lag(document, motors),
         *_torque(document),
+        *_drag(document),
     )
 
 
@@ -154,6 +156,19 @@ def _torque(document: ResultDocument) -> Iterator[VehicleRow]:
         yield _row("Angular momentum of a rotor, over yaw inertia", "h_per_I_zz", found["h_per_I_zz"])
 
 
+def _drag(document: ResultDocument) -> Iterator[VehicleRow]:
+    if document.flight is None:
+        for name, words in (("X_u", "Drag forward, over mass"), ("Y_v", "Drag to the right, over mass")):
+            if (found := document.parameters.get(name)) is not None:
+                yield _row(words, name, found, note=_STATUS.get(found.status, found.status))
+
+
+def _shown_axes(motors: MotorPhysics) -> dict[str, str]:
+    """Axes of the table of excitations and their words; level ones where velocity is known."""
+    known = {axis for flight in motors.excitation for axis in flight.correlation}
+    return {**AXIS_WORDS, **{axis: words for axis, words in _WAYS.items() if axis in known}}
+
+
 def excitation_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[ExcitationRow, ...]:
     """Every stretch; an axis that counts has a verdict with the share of its slow motion that the motors explain."""
     records = document.records
@@ -162,14 +177,14 @@ def excitation_rows(document: ResultDocument, motors: MotorPhysics) -> tuple[Exc
             record=flight.record,
             interval=f"{flight.start_s:.1f} to {flight.stop_s:.1f} s",
             rate=f"{significant(flight.sample_rate_hz, digits=4)} Hz",
-            axes=tuple(_axis(flight, axis, records[row].fit_percent) for axis in AXIS_WORDS),
+            axes=tuple(_axis(flight, axis, records[row].fit_percent) for axis in _shown_axes(motors)),
         )
         for row, flight in enumerate(motors.excitation)
     )
 
 
 def _axis(flight: ExcitedFlight, axis: str, percents: Mapping[str, float]) -> tuple[str, Verdict | None]:
-    percent = percents.get(_CHANNELS[axis])
+    percent = percents.get(CHANNELS[axis])
     counted = axis in flight.counted and percent is not None
     correlation = f"{flight.correlation[axis]:.2f}" if axis in flight.correlation else MISSING
     return correlation, percent_verdict(percent) if counted and percent is not None else None
@@ -260,7 +275,7 @@ def motors_shown(shown: Shown, *, key: str) -> MotorsShown | None:
             ),
         ),
         curve=_curve(document, motors, key=f"{key}-curve"),
-        axes=tuple(AXIS_WORDS.values()),
+        axes=tuple(_shown_axes(motors).values()),
         excitation=excitation_rows(document, motors),
         least=f"{LEAST_CORRELATION:g}",
         flights=_flights(shown, motors, key),

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MotorMethod: TypeAlias = Literal["prediction_error", "accelerations"]
 
-FROM_ANGLES = ("phi", "theta", "psi", "down")
-"""Channels that are differentiated twice where gyros or accelerometer are missing, or where they are asked for."""
+FROM_ANGLES = ("phi", "theta", "psi", "north", "east", "down")
+"""Channels that are differentiated where gyros, accelerometer or velocity are missing, or where they are asked for."""
 
 ChosenCurve: TypeAlias = Union[Literal["auto"], "Curve"]
 """``auto``: linear for demanded thrust, quadratic for speeds, and for outputs as many terms as the flight supports."""
@@ -71,7 +71,7 @@ class MotorSettings(Settings):
     method
         ``prediction_error``, or ``accelerations``: the sum of absolute errors of accelerations.
     outputs
-        Angles and height in place of gyros and accelerometer, for ``accelerations`` alone.
+        Angles, height and positions in place of gyros, accelerometer and velocity, for ``accelerations`` alone.
     predictor
         Whether ``physical.flight`` also fits numbers that predict its closed loop best.
     seed

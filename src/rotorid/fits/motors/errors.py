@@ -36,6 +36,7 @@ from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
+from rotorid.fitting.motors.translation import DRAG, translation
 from rotorid.fitting.problem import Part
 from rotorid.flights.motor_data import MotorData
 from rotorid.models.motors import DELAYS, SPIN_UP
@@ -44,6 +45,7 @@ from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.sandwich import by_bands, by_pulls
+from rotorid.units import STANDARD_GRAVITY_M_S2
 
 ACCELEROMETER_BIAS_M_S2 = 0.05
 """Of a calibrated accelerometer."""
@@ -75,6 +77,9 @@ damping, so more of it always lowers the error a little.
 
 _INFLOW_1_S, _SECOND_1_S = 10.0, 30.0
 """Where thrust may come late, and where a second lag would show: within what flying excites."""
+
+_WIND_1_S = 2.0
+"""Wind changes more slowly than this; noise of a velocity that was differentiated is faster."""
 
 _LEAST_SHOWN = 1e-4
 """Share of a motion not followed by any parameter, below which it is invisible."""
@@ -285,11 +290,14 @@ def with_model_errors(
     - A controller that answers to gusts moves thrust with the specific force that they cause, and errors of the force
       are not whitened: half the way between both regressions, likewise.
     - Damping is by the velocity through the air, and known is that over ground.
+    - Drag is what tilt and acceleration leave: an attitude whose clock is off by 0.15 of a sample moves it.
     """
     covariance = bounds.covariance.copy()
     covariance += model
     shifted = _by_bias(fit)
     covariance += np.outer(shifted, shifted)
+    for late in _by_late_attitude(fit):
+        covariance += np.outer(late, late)
     values = parameters.values
     directions = [*_by_sensors(values), *_by_clocks(values, data)]
     if curve_assumed:
@@ -298,7 +306,7 @@ def with_model_errors(
         directions += list(_by_slow_motors(parameters, fit, data))
     else:
         directions += list(_by_regressions(values, fit, _in_octaves))
-    directions += list(_by_gusts(values, fit))
+    directions += [*_by_gusts(values, fit), *_by_wind(values, fit)]
     for direction in directions:
         row = np.array([direction.get(name, 0.0) for name in bounds.names])
         covariance += np.outer(row, row)
@@ -333,14 +341,47 @@ def _by_clocks(values: Mapping[str, float], data: MotorData) -> Iterator[Mapping
 
 def _by_bias(fit: MotorFit) -> FloatArray:
     """How far a bias of the accelerometer moves the parameters, shape ``(p,)``."""
+
+    def biased(_: int, axis: str, passed: Filter, size: int) -> FloatArray | None:
+        if axis != "az":
+            return None
+        return np.full(size, ACCELEROMETER_BIAS_M_S2 * passed.taps.sum() / passed.scale)
+
+    return _pulled(fit, biased)
+
+
+def _by_late_attitude(fit: MotorFit) -> Iterator[FloatArray]:
+    """How far an attitude on another clock than the velocity moves the parameters, axis by axis, shape ``(p,)``."""
+    for level in DRAG:
+        if level not in fit.problem.axes:
+            continue
+
+        def late(place: int, axis: str, passed: Filter, _: int, level: str = level) -> FloatArray | None:
+            if axis != level:
+                return None
+            record = fit.problem.records[place]
+            lean = -STANDARD_GRAVITY_M_S2 * translation(record).lean[list(DRAG).index(level)]
+            row = passed(CLOCK_SAMPLES * np.diff(lean))
+            return np.asarray(row - row.mean())
+
+        yield _pulled(fit, late)
+
+
+def _pulled(fit: MotorFit, by: Callable[[int, str, Filter, int], FloatArray | None]) -> FloatArray:
+    """How far errors of the equations move the parameters, shape ``(p,)``.
+
+    Parameters
+    ----------
+    by
+        Whitened error of an equation by place, axis, filter and samples; ``None`` where there is none.
+    """
     kept = np.array([name in fit.moving for name in fit.parameters.free])
     normal = np.zeros((kept.size, kept.size))
     pulled = np.zeros(kept.size)
-    for place, axis, _, slopes in fit.problem.whitened(fit.solution.theta):
+    for place, axis, error, slopes in fit.problem.whitened(fit.solution.theta):
         normal += slopes @ slopes.T
-        if axis == "az":
-            passed = fit.problem.filters[place][axis]
-            pulled += slopes.sum(axis=1) * ACCELEROMETER_BIAS_M_S2 * passed.taps.sum() / passed.scale
+        if (row := by(place, axis, fit.problem.filters[place][axis], error.size)) is not None:
+            pulled += slopes @ row
     moved: FloatArray = np.linalg.pinv(normal[np.ix_(kept, kept)], hermitian=True) @ pulled[kept]
     return moved
 
@@ -381,6 +422,24 @@ def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[st
     if values.get("Z_w") and force.damped > 0.0:
         # The residuals are gusts; they pull the damping toward zero.
         yield {"Z_w": 0.5 * min(force.left / force.damped, 2.0) * abs(values["Z_w"])}
+
+
+def _by_wind(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str, float]]:
+    """That of drag: what tilt and drag leave slowly is wind that changes, and pulls drag toward zero."""
+    for level, name in DRAG.items():
+        left = damped = 0.0
+        for record, filters, equations in zip(
+            fit.problem.records, fit.problem.filters, fit.problem.equations(fit.solution.theta), strict=True
+        ):
+            for axis in equations:
+                if axis.name == level and level in filters:
+                    own = values[name] * axis.slopes[fit.problem.parameters.names.index(name)]
+                    both = np.stack([axis.measured - axis.predicted, own])
+                    rows = np.stack([_low_passed(row, _WIND_1_S, record.sample_rate_hz) for row in both])
+                    of_left, of_drag = np.sum((rows - rows.mean(axis=1, keepdims=True)) ** 2, axis=1).tolist()
+                    left, damped = left + of_left, damped + of_drag
+        if damped > 0.0:
+            yield {name: 0.5 * min(left / damped, 2.0) * abs(values[name])}
 
 
 def gusts_between(fit: MotorFit) -> float:

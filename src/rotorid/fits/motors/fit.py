@@ -38,6 +38,7 @@ from rotorid.fitting.motors.fit import MotorFit, fit_motors, likely_step
 from rotorid.fitting.motors.inertia import inertia_regressions
 from rotorid.fitting.motors.problem import MotorProblem
 from rotorid.fitting.motors.start import searched_motors
+from rotorid.fitting.motors.translation import DRAG, translated_axes, with_translation
 from rotorid.flights.motor_data import MotorData
 from rotorid.models.motors import (
     SPIN_UP,
@@ -129,6 +130,9 @@ _LEAST_OF_GUSTY = 100.0 * (1.0 - 0.5**0.5)
 _LARGEST_STD = 1.0
 """Largest useful error of an inertia or of the slope of thrust, as a share of the value."""
 
+_LARGEST_DRAG_STD_1_S = 0.3
+"""Largest useful error of a drag over mass: that of a small multirotor is about as large."""
+
 _LAST_MOVE = 0.5
 """Stated deviations by which values may still move in the last round of a fit that has come to its end."""
 
@@ -159,6 +163,8 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         if (by_weight := _by_weight(data, choices, levers)) is not None:
             return by_weight
         raise _nothing_excited(data, found)
+    if choices.method == "accelerations":
+        axes += translated_axes(with_translation(found, data.records))
     left_out: list[Finding] = []
     while True:
         fit, curve, search = _fitted(data, choices, levers, axes)
@@ -168,7 +174,7 @@ def fit_motor_data(data: MotorData, choices: MotorSettings) -> FittedMotors:
         if not wrong:
             break
         axes = tuple(axis for axis in axes if axis not in wrong)
-        if not axes:
+        if not set(axes) - set(DRAG):
             if (by_weight := _by_weight(data, choices, levers)) is not None:
                 return replace(by_weight, left_out=(*by_weight.left_out, *left_out))
             raise _nothing_explained(data, left_out)
@@ -201,7 +207,8 @@ def _by_weight(data: MotorData, choices: MotorSettings, levers: FloatArray) -> F
     return replace(_described(data, choices, fit, "quadratic", found), left_out=(balance_finding(balance),))
 
 
-_COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", "L_p", "M_q", "N_r", "Z_w", "T_motor", "tau_gyro", "tau_accel")
+_DAMPING = ("L_p", "M_q", "N_r", "Z_w", *DRAG.values())
+_COMPARED = ("I_xx", "I_yy", "kappa_per_I_zz", *_DAMPING, "T_motor", "tau_gyro", "tau_accel")
 """Of one curve of thrust only the sum counts, which two flights at different outputs need not share."""
 
 
@@ -219,7 +226,7 @@ def _fit_each_log(fitted: FittedMotors, choices: MotorSettings) -> list[LogEstim
         part = data._replace(stretches=tuple(flight for flight in data.stretches if flight.record.name == name))
         _PROGRESS.info(f"fitting {name} alone")
         with contextlib.suppress(InsufficientDataError):
-            ordered = tuple(axis for axis in AXIS_WORDS if axis in axes)
+            ordered = tuple(axis for axis in (*AXIS_WORDS, *DRAG) if axis in axes)
             fit, curve, _ = _fitted(
                 part, replace(choices, search=None, evaluations=None, runs=None), problem.levers, ordered
             )
@@ -295,11 +302,14 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
         # Gusts whose color is in the fit may hold as much power as thrust does.
         gusty = channels[name] == "az" and fitted.fit.white_force
         if not percent >= (_LEAST_OF_GUSTY if gusty else _LEAST_EXPLAINED):
-            found[channels[name]] = warn(
+            axis = channels[name]
+            cause = "Thrust and tilt" if axis in DRAG else "The motors"
+            lost = DRAG[axis] if axis in DRAG else f"{AXIS_WORDS[axis]} parameters"
+            found[axis] = warn(
                 "poor_fit",
                 name,
-                f"The motors explain only {percent:.0f} % of {name} {fitted.band_words(name)}, so no "
-                f"{AXIS_WORDS[channels[name]]} parameters are given.",
+                f"{cause} explain only {percent:.0f} % of {name} {fitted.band_words(name)}, so no {lost} "
+                f"{'is' if axis in DRAG else 'are'} given.",
                 fit_percent=percent,
             )
     std = dict(zip(fitted.bounds.names, fitted.bounds.std.tolist(), strict=True))
@@ -315,6 +325,17 @@ def _useless(fitted: FittedMotors) -> dict[str, Finding]:
                     value=value,
                     std=std[name],
                 )
+    for axis, name in DRAG.items():
+        if axis not in found and name in std and not std[name] <= _LARGEST_DRAG_STD_1_S:
+            value = fitted.parameters[name].value
+            found[axis] = warn(
+                "not_identifiable",
+                name,
+                f"Not enough data for {name}: {with_error(value, std[name])} 1/s is no better known than "
+                "the drag of most multirotors. Fly faster, in tilts of several seconds.",
+                value=value,
+                std=std[name],
+            )
     return found
 
 
@@ -547,7 +568,7 @@ def _by_accelerations(
         return MotorFit(
             problem=problem,
             solution=problem.polish(parameters.pack()),
-            excitations=excitations(data.records, levers),
+            excitations=with_translation(excitations(data.records, levers), data.records),
             rounds=0,
             settled=True,
         )

@@ -102,7 +102,7 @@ class FittedMotors(Immutable):
     @property
     def channels(self) -> tuple[str, ...]:
         """Channels of these axes; specific force, where the weight alone was used."""
-        return tuple(CHANNELS[axis] for axis in ("p", "q", "r", "az") if axis in (self.axes or ("az",)))
+        return tuple(CHANNELS[axis] for axis in CHANNELS if axis in (self.axes or ("az",)))
 
     @property
     def listed(self) -> ParameterSet:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.axes import RATES
 from rotorid.data.record import Maneuver
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, SLOW_HZ, Excitation, in_band
 from rotorid.fitting.motors.problem import Axis, MotorProblem
@@ -17,7 +18,14 @@ from rotorid.typing import FloatArray
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
 from rotorid.verification.verification import Scores
 
-CHANNELS: Mapping[str, str] = {"p": "p_dot", "q": "q_dot", "r": "r_dot", "az": "az"}
+CHANNELS: Mapping[str, str] = {
+    "p": "p_dot",
+    "q": "q_dot",
+    "r": "r_dot",
+    "az": "az",
+    "x": "velocity_forward_dot",
+    "y": "velocity_right_dot",
+}
 """Equation to the channel that it is about."""
 
 
@@ -65,7 +73,7 @@ def motions(
 
 
 def _pair(axis: Axis, rate_hz: float, band_hz: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    factor = 1.0 if axis.name == "az" else rate_hz
+    factor = rate_hz if axis.name in RATES else 1.0
     measured, modeled = (_slow(factor * row, rate_hz, band_hz) for row in (axis.measured, axis.predicted))
     if axis.name == "az":
         return measured, modeled

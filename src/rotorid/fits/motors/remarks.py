@@ -11,10 +11,11 @@ from rotorid.fits.motors.errors import CURVE_SHARE
 from rotorid.fits.motors.fit import last_move, physical_contradictions
 from rotorid.fits.motors.fitted import FittedMotors
 from rotorid.fits.motors.loads import judge_loads
-from rotorid.fits.motors.motion import unexplained_by_curve
+from rotorid.fits.motors.motion import CHANNELS, unexplained_by_curve
 from rotorid.fits.remarks import judge_parameters
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
 from rotorid.fitting.motors.inertia import compare_regressions
+from rotorid.fitting.motors.translation import DRAG
 from rotorid.models.motors import (
     CURVE_TERMS,
     DELAYS,
@@ -50,6 +51,7 @@ def judge_motors(
             for disagreement in identified.disagreeing
         ),
         *_unexcited(identified),
+        *_never_leant(identified),
         *_turned_around(identified),
         *_assumed(identified),
         *_ahead(identified),
@@ -84,6 +86,23 @@ def _unexcited(identified: FittedMotors) -> Iterator[Finding]:
         "controller, not the vehicle. Fly a sweep or doublets on these axes.",
         **{AXIS_WORDS[axis]: correlation for axis, correlation in best.items()},
     )
+
+
+def _never_leant(identified: FittedMotors) -> Iterator[Finding]:
+    """Level axes along which velocity is known, and tilt does not explain it."""
+    for axis, name in DRAG.items():
+        shown = [record[axis].correlation for record in identified.fit.excitations if axis in record]
+        if shown and max(shown) < LEAST_CORRELATION:
+            yield remark(
+                "no_excitation",
+                name,
+                f"Not enough data for {name}: the correlation of tilt and acceleration {_WAYS[axis]} is "
+                f"{max(shown):.2f} ({LEAST_CORRELATION:g} needed). Fly back and forth, in tilts of several seconds.",
+                correlation=max(shown),
+            )
+
+
+_WAYS: Mapping[str, str] = {"x": "forward", "y": "to the right"}
 
 
 def _turned_around(identified: FittedMotors) -> Iterator[Finding]:
@@ -302,5 +321,6 @@ def _ended(identified: FittedMotors) -> Iterator[Finding]:
 def _poor(identified: FittedMotors, fit_percent: Mapping[str, float]) -> Iterator[Finding]:
     for name, percent in fit_percent.items():
         if percent < _GOOD_PERCENT:
-            message = f"The motors explain only {percent:.0f} % of {name} {identified.band_words(name)}."
+            cause = "Thrust and tilt" if name in map(CHANNELS.get, DRAG) else "The motors"
+            message = f"{cause} explain only {percent:.0f} % of {name} {identified.band_words(name)}."
             yield warn("poor_fit", name, message, fit_percent=percent)

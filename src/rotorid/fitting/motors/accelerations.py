@@ -4,8 +4,9 @@ r"""Motors fitted to accelerations by the sum of absolute errors, the published 
 
     f = \frac{1}{C} \sum_c \frac{\sum_k |a_c(k) - \hat a_c(k)|}{\sum_k |a_c(k) - \bar a_c|}
 
-over the accelerations c of roll, pitch and yaw and the specific force, up to 5 Hz. A model that knows nothing but the
-means has a cost of one. The equations are those of :mod:`rotorid.fitting.motors.fit`, with the damping that the paper
+over the accelerations c of roll, pitch and yaw, the specific force, and horizontal accelerations where velocity and
+attitude are known (:mod:`rotorid.fitting.motors.translation`), up to 5 Hz. A model that knows nothing but the means has
+a cost of one. The equations are those of :mod:`rotorid.fitting.motors.fit`, with the damping that the paper
 leaves out and without delays, for which the lag of the motors stands; ``--fix L_p=0`` and its like give the paper's
 own. Both sides pass the same low-pass, so that it moves no value.
 
@@ -34,6 +35,7 @@ from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, SLOW_HZ, excitations, slow_taps
 from rotorid.fitting.motors.problem import FORCES, Filter, MotorProblem
 from rotorid.fitting.motors.start import coarser, reach, started
+from rotorid.fitting.motors.translation import translation_behind, with_translation
 from rotorid.typing import BoolArray, FloatArray
 
 _ROUNDED = (1.0, 0.1, 0.01)
@@ -253,7 +255,7 @@ def acceleration_errors(problem: MotorProblem) -> AccelerationErrors:
         An acceleration stands still.
     """
     records = tuple(coarser(_alike(record)) for record in problem.records)
-    found = excitations(problem.records, problem.levers)
+    found = with_translation(excitations(problem.records, problem.levers), problem.records)
     filters = []
     for record, excited in zip(records, found, strict=True):
         # The published cost is one of slow motion.
@@ -286,7 +288,7 @@ def _alike(record: MotorRecord) -> MotorRecord:
         return np.asarray(np.reshape(moved, rows.shape) + taps.sum() * first)
 
     return replace(
-        record,
+        translation_behind(record, np.convolve(record.gyro_taps, record.accel_taps)),
         outputs=passed(passed(record.outputs, record.gyro_taps), record.accel_taps),
         rates=passed(record.rates, record.accel_taps),
         az=passed(record.az, record.gyro_taps),

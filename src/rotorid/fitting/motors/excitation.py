@@ -265,6 +265,20 @@ def _band_part(row: FloatArray, band_hz: tuple[float, float], sample_rate_hz: fl
     return found[edge:-edge] if found.size > 4 * edge else found
 
 
+def slow_correlation(rows: FloatArray, motion: FloatArray, sample_rate_hz: float) -> float:
+    """Correlation up to 5 Hz of a motion with what explains it best of some rows, each with a factor from zero up.
+
+    Parameters
+    ----------
+    rows
+        Shape ``(k, n)``.
+    motion
+        Shape ``(n,)``.
+    """
+    slow = _slow_part(motion, sample_rate_hz)
+    return _correlation(_positive_part(np.stack([_slow_part(row, sample_rate_hz) for row in rows]), slow), slow)
+
+
 def _slow_part(row: FloatArray, sample_rate_hz: float) -> FloatArray:
     from scipy.signal import oaconvolve
 

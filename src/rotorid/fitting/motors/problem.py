@@ -11,7 +11,8 @@ neither of them white. Filters A that whiten them, :math:`A(z^{-1}) e = \epsilon
 depend on the past alone, so that :math:`\epsilon` is independent of them although a controller feeds the measured
 motion back: the values are those of a prediction error method, without the bias of plain regression under feedback.
 An axis of a flight counts where the motors moved it enough (:mod:`rotorid.fitting.motors.excitation`); where thrust was
-not moved, the mean of the specific force alone is compared with thrust (the equation ``weight``).
+not moved, the mean of the specific force alone is compared with thrust (the equation ``weight``). Horizontal
+accelerations, equations ``x`` and ``y``, are those of :mod:`rotorid.fitting.motors.translation`.
 
 Assumes motors and rates on one clock, torque bias constant over a record, small rates (no gyroscopic coupling), and
 errors that an autoregression describes. What breaks it: motors logged slower than they act, saturated ones whose output
@@ -34,6 +35,7 @@ from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
 from rotorid.fitting.motors.excitation import Excitation, excitations
 from rotorid.fitting.motors.speed import MotorSpeed, measured_speed, motor_speed
+from rotorid.fitting.motors.translation import DRAG, Translation, between, shows_translation, translation
 from rotorid.fitting.problem import Part, Problem
 from rotorid.models.motors import SPIN_UP, YAW_DELAY
 from rotorid.typing import BoolArray, FloatArray
@@ -237,6 +239,11 @@ class MotorProblem(Problem):
             names = {axis: YAW_DELAY if axis == "r" and YAW_DELAY in values else "tau_gyro" for axis in rates}
             delayed = {name: _derived(record, values, name, step, moved=moved) for name in set(names.values())}
             found += [self._rate_axis(record, values, delayed[names[axis]], axis, step) for axis in rates]
+        level = [axis for axis in DRAG if axis in wanted]
+        if level and shows_translation(record):
+            late = _derived(record, values, "tau_accel", step, moved=moved)
+            shown = translation(record)
+            found += [_level_axis(record, values, late, shown, axis, self.parameters.names) for axis in level]
         return found
 
     def _rate_axis(
@@ -349,6 +356,32 @@ def _force_axis(record: MotorRecord, values: Mapping[str, float], late: _Delayed
         slopes["Z_w"] = record.w[1:]
         predicted = predicted + values["Z_w"] * record.w[1:]
     return Axis("az", record.az[1:], np.asarray(predicted), _rows(slopes, names, strength.size))
+
+
+def _level_axis(
+    record: MotorRecord,
+    values: Mapping[str, float],
+    late: _DelayedMotors,
+    shown: Translation,
+    axis: str,
+    names: Sequence[str],
+) -> Axis:
+    """Horizontal acceleration along a level axis, in m/s²; no sensor filters what velocity and attitude show."""
+    row = list(DRAG).index(axis)
+    inverse, lean = 1.0 / values["m"], shown.lean[row]
+    thrusts = {name: record.strength * term.sum(axis=0) for name, term in late.thrusts(values).items()}
+    thrust = _by_the_curve(values, thrusts)
+    slopes = {name: between(-inverse * lean * term) for name, term in thrusts.items()}
+    slopes["m"] = between(inverse**2 * lean * thrust)
+    predicted = between(-inverse * lean * thrust)
+    if "Z_w" in values:
+        slopes["Z_w"] = between(lean * record.velocity[2])
+        predicted = predicted + values["Z_w"] * slopes["Z_w"]
+    for name, rows in shown.drag.items():
+        if name in values:
+            slopes[name] = rows[row]
+            predicted = predicted + values[name] * rows[row]
+    return Axis(axis, shown.measured[row], np.asarray(predicted), _rows(slopes, names, predicted.size))
 
 
 def _passed(row: FloatArray, taps: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation
 from rotorid.fitting.motors.problem import Filter, MotorProblem
@@ -31,6 +32,8 @@ _REACH: Mapping[str, tuple[float, float]] = {
     "M_q": (-6.0, 1.0),
     "N_r": (-6.0, 1.0),
     "Z_w": (-3.0, 0.5),
+    "X_u": (-3.0, 0.5),
+    "Y_v": (-3.0, 0.5),
 }
 
 
@@ -73,6 +76,8 @@ def coarser(record: MotorRecord) -> MotorRecord:
         rates=record.rates[:, : count * every : every],
         az=az,
         w=record.w[: count * every : every],
+        velocity=record.velocity[:, : count * every : every],
+        attitude=record.attitude[:, : count * every : every],
         strength=mean(record.strength),
         gyro_taps=np.ones(1),
         accel_taps=np.ones(1),
@@ -139,8 +144,9 @@ def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) ->
     lags = [
         excitation.lag_s
         for record in found
-        for excitation in record.values()
-        if excitation.correlation >= LEAST_CORRELATION
+        for axis, excitation in record.items()
+        # Tilt has no lag of the motors.
+        if axis in AXIS_WORDS and excitation.correlation >= LEAST_CORRELATION
     ]
     if "T_motor" in free and lags:
         parameters = parameters.with_values({"T_motor": float(np.median(lags))})
