@@ -28,7 +28,7 @@ from rotorid.data.quantity import (
 from rotorid.errors import UsageError
 
 Part: TypeAlias = Literal[
-    "loops", "tracking", "margins", "noise", "motors", "battery", "wind", "drag", "flight", "tuning", "response"
+    "loops", "tracking", "margins", "noise", "motors", "battery", "wind", "drag", "yaw", "flight", "tuning", "response"
 ]
 """The part of a review that holds a figure, as its document and the table of a fleet name it, or another verb."""
 
@@ -492,6 +492,13 @@ _DRAG = {
     "top_speed_m_s": FigureOfMerit(words="airspeed in level flight at 30° of tilt", unit="m/s", keeps_sign=True),
 }
 
+_YAW = {
+    "drift_rad_s": FigureOfMerit(words="yaw drift with a centered stick", unit="°/s", factor=_DEGREES),
+    "drift_per_volt": FigureOfMerit(words="yaw drift over battery voltage", unit="°/s/V", factor=_DEGREES),
+    "yaw_trim": FigureOfMerit(words="yaw command with a centered stick", unit="%", factor=100.0),
+    "yaw_trim_per_volt": FigureOfMerit(words="yaw command over battery voltage", unit="%/V", factor=100.0),
+}
+
 _TUNING = {
     "rejection_bandwidth_rad_s": FigureOfMerit(words="disturbance-rejection bandwidth", unit="rad/s"),
     "rejection_peak_db": FigureOfMerit(words="disturbance-rejection peak", unit="dB"),
@@ -526,6 +533,7 @@ BY_PART: Mapping[Part, Mapping[str, FigureOfMerit]] = MappingProxyType(
         "flight": _FLIGHT,
         "wind": _WIND,
         "drag": _DRAG,
+        "yaw": _YAW,
         "tuning": _TUNING,
         "response": _RESPONSE,
     }

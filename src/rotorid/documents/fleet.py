@@ -179,6 +179,32 @@ class OutOfBalanceDocument(Document):
     imbalance: QuantityDocument
 
 
+class YawFlightDocument(Document):
+    """One flight: its mean voltage, yaw drift or trim, and its slope, ``null`` where the voltage did not move."""
+
+    vehicle: str
+    log: str
+    flight: int
+    voltage_v: float
+    value: QuantityDocument
+    slope: QuantityDocument | None
+
+
+class YawOverVoltageDocument(Document):
+    """Yaw drift or trim over battery voltage.
+
+    ``within`` is the slope within flights, ``between`` that between flights of a vehicle; ``null`` where there are not
+    enough data, for the reason in ``why_within`` or ``why_between``.
+    """
+
+    parameter: str
+    within: QuantityDocument | None
+    between: QuantityDocument | None
+    why_within: str = ""
+    why_between: str = ""
+    flights: list[YawFlightDocument] = Field(default_factory=list)
+
+
 class FleetDocument(Document):
     """``fleet.json``: what many logs show of their vehicles.
 
@@ -215,6 +241,7 @@ class FleetDocument(Document):
     outliers: OutliersDocument = OutliersDocument()
     groups: list[DifferenceDocument] = Field(default_factory=list)
     out_of_balance: list[OutOfBalanceDocument] = Field(default_factory=list)
+    yaw_over_voltage: list[YawOverVoltageDocument] = Field(default_factory=list)
 
 
 def fleet_document(
@@ -313,6 +340,7 @@ def fleet_document(
             )
             for one in analysis.unbalanced
         ],
+        yaw_over_voltage=[YawOverVoltageDocument.model_validate(one) for one in analysis.yaw],
     )
 
 

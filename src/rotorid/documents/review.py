@@ -273,6 +273,7 @@ class ReviewDocument(Document):
     thrust_to_weight: QuantityDocument | None = None
     wind: dict[str, QuantityDocument] = Field(default_factory=dict)
     drag: dict[str, QuantityDocument] = Field(default_factory=dict)
+    yaw: dict[str, QuantityDocument] = Field(default_factory=dict)
     logging: LoggingReviewDocument
     oscillations: list[OscillationDocument] = Field(default_factory=list)
     loops: dict[str, LoopReviewDocument] = Field(default_factory=dict)
@@ -318,6 +319,7 @@ def review_document(review: Review) -> ReviewDocument:
         thrust_to_weight=_number(review.flight.thrust_to_weight),
         wind=_numbers(review.flight.wind),
         drag=_numbers(review.flight.drag),
+        yaw=_numbers(review.flight.yaw),
         logging=LoggingReviewDocument(
             rates_hz=dict(review.logging.rates_hz),
             longest_gap_s=review.logging.longest_gap_s,

@@ -40,6 +40,7 @@ from rotorid.fleets.names import words_of
 from rotorid.fleets.populations import Population, population, random_effects
 from rotorid.fleets.table import REVIEW, Row
 from rotorid.fleets.vehicles import SeveralVehicles, order_of, separated
+from rotorid.fleets.yaw_drift import YawOverVoltage, yaw_over_voltage
 from rotorid.flights.same_vehicle import different_gains
 from rotorid.identifying.comparison import other_basis
 from rotorid.typing import BoolArray, FloatArray
@@ -166,6 +167,8 @@ class FleetAnalysis(Immutable):
         Logs that were flown with other gains than those before them.
     unbalanced
         Vehicles whose motors share the work less evenly than those of healthy vehicles.
+    yaw
+        Drift and trim of yaw over the voltage of the battery, where flights show them.
     """
 
     populations: Mapping[Name, Population]
@@ -175,6 +178,7 @@ class FleetAnalysis(Immutable):
     several: tuple[SeveralVehicles, ...] = ()
     other_gains: tuple[OtherGains, ...] = ()
     unbalanced: tuple[OutOfBalance, ...] = ()
+    yaw: tuple[YawOverVoltage, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(populations=self.populations)
@@ -280,17 +284,19 @@ def analyze(
         replace(one, verdict="changed") if one.vehicle in changed_motors and one.parameter in BALANCE else one
         for one in histories
     ]
+    populations = {
+        name: _population(
+            of, [(series, kept[name, series.vehicle], (name, series.vehicle) in strange) for series in of.many]
+        )
+        for name, of in found.items()
+    }
     return FleetAnalysis(
-        populations={
-            name: _population(
-                of, [(series, kept[name, series.vehicle], (name, series.vehicle) in strange) for series in of.many]
-            )
-            for name, of in found.items()
-        },
+        populations=populations,
         histories=tuple(histories),
         differences=_differences(found, groups or {}),
         causes=_causes(histories, motors),
         unbalanced=out_of_balance(known),
+        yaw=yaw_over_voltage(known, populations),
         several=several,
         other_gains=tuple(_other_gains(known, gains or {})),
     )

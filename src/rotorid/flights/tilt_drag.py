@@ -41,7 +41,7 @@ coefficients that count. Where something else than drag moves with the tilt, ban
 another drag, and the larger difference beyond chance is part of the error. So is that of instruments of half and of
 twice the lag, which differ where a vehicle that holds its speed leans against gusts, and not where the velocity is
 wrong. A share of 1.5 % is added to drag, its spread between flights of one vehicle. Gusts last, so the error of the
-wind is that of the slowest cosines (Lazarus, Lewis, Stock and Watson, "HAR inference", 2018).
+wind is that of the slowest cosines (:mod:`rotorid.uncertainty.long_run`).
 
 Other rooms: ``drag.linear`` and ``drag.quadratic`` follow the velocity that tilts cause, in one wind, from maneuvers;
 ``X_u`` and ``Y_v`` of ``hover.*`` (``two_step_force`` too) are this drag for small motion about hover, from sweeps;
@@ -69,6 +69,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.braking import HIGH_HZ, LOW_HZ, Stretch, stretches_of, velocities_of
 from rotorid.models.flight import ALONG_BODY_BIAS_M_S2
 from rotorid.typing import FloatArray
+from rotorid.uncertainty.long_run import cosines, long_run, student
 from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _LAGS_S = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
@@ -91,9 +92,6 @@ _WORTH_SAYING_M_S = 0.5
 
 _NO_BIAS_M_S2 = 1e-4
 """Standard deviation of an accelerometer's bias that counts as none."""
-
-_SLOWEST_S, _FEWEST_COSINES = 30.0, 3
-"""A cosine for so many seconds of flight, of which the long-run variance is the mean."""
 
 _MOST_LEVERAGE = 0.7
 """Of one coefficient on an estimate, above which its residual shows no more of its error."""
@@ -375,29 +373,6 @@ def _correlation(velocity: FloatArray, tilt: FloatArray) -> float:
     return float(velocity @ tilt) / size if size > 0.0 else 0.0
 
 
-def _long_run(scores: FloatArray, seconds: float) -> tuple[FloatArray, float]:
-    """Covariance of the sum of scores that last, shape ``(k, n)``, and what makes its error as wide as Student's.
-
-    The mean over cosines slower than so many cycles in all of the flight, each of which has the variance of the sum.
-    """
-    size = scores.shape[1]
-    count = _cosines(seconds)
-    cosines = np.cos(np.pi * np.outer(np.arange(1, count + 1), np.arange(size) + 0.5) / size)
-    sums = math.sqrt(2.0) * scores @ cosines.T
-    return np.asarray(sums @ sums.T / count), _student(count)
-
-
-def _cosines(seconds: float) -> int:
-    return max(int(seconds / _SLOWEST_S), _FEWEST_COSINES)
-
-
-def _student(freedom: float) -> float:
-    """Half width of Student's interval of 95 % over that of a normal error."""
-    from scipy.stats import t
-
-    return float(t.ppf(0.975, freedom)) / TWO_SIDED_95
-
-
 def _std(moved: FloatArray) -> float:
     """Standard deviation by what each coefficient moves an estimate by, as wide as Student's.
 
@@ -407,7 +382,7 @@ def _std(moved: FloatArray) -> float:
     total = float(squares.sum())
     if not total > 0.0:
         return 0.0
-    return math.sqrt(total) * _student(max(3.0 * total**2 / float(squares @ squares), 2.0))
+    return math.sqrt(total) * student(max(3.0 * total**2 / float(squares @ squares), 2.0))
 
 
 @dataclass(frozen=True)
@@ -532,7 +507,7 @@ def _wind(log: Sequence[Stretch], at_rest: float, square: float, bias_m_s2: floa
         first = np.linalg.lstsq(slopes[:2].reshape(2, -1).T, left.ravel(), rcond=None)[0]
         rest = left - np.einsum("k,kan->an", first, slopes[:2])
         size = rest.shape[1]
-        lasting = float(np.trace(_long_run(rest, seconds)[0])) / (2.0 * size)
+        lasting = float(np.trace(long_run(rest, seconds)[0])) / (2.0 * size)
         lasting = max(lasting, 1e-6)
         information = np.einsum("kan,lan->kl", slopes, slopes) / lasting + known
         inverse = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
@@ -541,10 +516,10 @@ def _wind(log: Sequence[Stretch], at_rest: float, square: float, bias_m_s2: floa
         found = found + step
     left = left - np.einsum("k,kan->an", step, slopes)
     scores = np.einsum("kan,an->kn", slopes, left) / lasting
-    covariance, wider = _long_run(scores, seconds)
+    covariance, wider = long_run(scores, seconds)
     # As far as the flight shows the bias, it takes from what lasts, which then looks smaller than it is.
     taken = 2.0 - float(np.sum(np.diag(inverse @ known)))
-    slowest = 2.0 * _cosines(seconds)
+    slowest = 2.0 * cosines(seconds)
     # What is known of the bias counts as one more observation.
     total = inverse @ (covariance * slowest / (slowest - taken) + known) @ inverse
     return _Wind(found, np.asarray(total), wider)

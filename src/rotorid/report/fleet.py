@@ -11,9 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from rotorid.data.display import capital, counted, visible
 from rotorid.data.quantities import QUANTITIES
-from rotorid.data.quantity import MISSING, minus, significant, with_error, with_interval, with_unit
+from rotorid.data.quantity import MISSING, TWO_SIDED_95, minus, significant, with_error, with_interval, with_unit
 from rotorid.documents.fleet import (
     DifferenceDocument,
     FailedLogDocument,
@@ -22,13 +24,15 @@ from rotorid.documents.fleet import (
     OutOfBalanceDocument,
     PopulationDocument,
     VehicleVerdictDocument,
+    YawOverVoltageDocument,
 )
 from rotorid.documents.review import QuantityDocument
 from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.names import Shown, shown, words_of
 from rotorid.fleets.populations import Population
 from rotorid.fleets.table import REVIEW
-from rotorid.report.frame import frequency_of, render
+from rotorid.plot.fleet import over_voltage
+from rotorid.report.frame import Picture, drawn, frequency_of, render
 
 _DIGITS = 7
 _MOST_FAILED = 200
@@ -198,6 +202,17 @@ class GroupRow:
     found: bool
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class YawRow:
+    """Yaw drift or trim over battery voltage: slopes with intervals, or what was missing, and the flights as points."""
+
+    quantity: Shown
+    within: tuple[str, str]
+    between: tuple[str, str]
+    flights: int
+    picture: Picture
+
+
 def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
     """The page of a fleet as one HTML file.
 
@@ -209,10 +224,11 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
         The same as it is written, with what failed.
     """
     unchanged = [verdict for verdict in document.verdicts if verdict.verdict != "changed"]
+    yaw = [_over_voltage(found) for found in document.yaw_over_voltage if found.flights]
     refused = refusals(document.failed)
     return render(
         "fleet.html",
-        pictures=(),
+        pictures=[row.picture for row in yaw],
         further_script="fleet.js",
         further=_for_script(analysis),
         title=f"{counted(document.vehicles, 'vehicle')} in {counted(document.logs, 'log')}",
@@ -226,6 +242,7 @@ def render_fleet(analysis: FleetAnalysis, document: FleetDocument) -> str:
             for model, many in document.population.items()
             for name, population in many.items()
         ],
+        yaw=yaw,
         groups=[_group(difference) for difference in document.groups],
         refused=refused[:_MOST_FAILED],
         more_refused=max(len(refused) - _MOST_FAILED, 0),
@@ -273,6 +290,41 @@ def _row(model: str, name: str, population: PopulationDocument) -> PopulationRow
         vehicles=population.vehicles,
         flights=population.flights,
     )
+
+
+_PER_VOLT = {"yaw.drift_rad_s": "yaw.drift_per_volt", "yaw.yaw_trim": "yaw.yaw_trim_per_volt"}
+
+
+def _over_voltage(found: YawOverVoltageDocument) -> YawRow:
+    level = quantity_of_paper(REVIEW, found.parameter, found.flights[0].value.unit)
+    quantity = quantity_of_paper(REVIEW, _PER_VOLT[found.parameter], "")
+    slopes = {"slope within flights": found.within, "slope between flights": found.between}
+    picture = Picture(
+        key=f"fleet-{found.parameter}",
+        description=f"{capital(level.words)} of each flight over its battery voltage, with errors and slopes",
+        figure=drawn(
+            over_voltage,
+            np.array([flight.voltage_v for flight in found.flights]),
+            level.factor * np.array([flight.value.value for flight in found.flights]),
+            level.factor * TWO_SIDED_95 * np.array([flight.value.std or 0.0 for flight in found.flights]),
+            label=f"{capital(level.words)} [{level.unit}]",
+            names=[f"{flight.vehicle}, {flight.log}" for flight in found.flights],
+            slopes={name: quantity.factor * slope.value for name, slope in slopes.items() if slope is not None},
+        ),
+    )
+    return YawRow(
+        quantity=quantity,
+        within=_slope_cells(found.within, found.why_within, quantity.factor),
+        between=_slope_cells(found.between, found.why_between, quantity.factor),
+        flights=len(found.flights),
+        picture=picture,
+    )
+
+
+def _slope_cells(slope: QuantityDocument | None, why: str, factor: float) -> tuple[str, str]:
+    if slope is None:
+        return "not enough data", why
+    return with_interval(*_times(factor, slope.value, slope.lower, slope.upper))
 
 
 def _times(factor: float, *values: float | None) -> Iterator[float | None]:

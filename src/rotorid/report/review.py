@@ -600,7 +600,8 @@ def _power(review: Review) -> tuple[NumberRow, ...]:
     flight = review.flight
     of_flight = {"hover_throttle": flight.hover_throttle, "thrust_to_weight": flight.thrust_to_weight}
     known = {name: quantity for name, quantity in of_flight.items() if quantity is not None}
-    return (*_single(flight.battery), *_single(known), *_single(flight.drag), *_single(flight.wind))
+    groups = (flight.battery, known, flight.drag, flight.wind, flight.yaw)
+    return tuple(row for group in groups for row in _single(group))
 
 
 def _model(name: str, model: IdentifiedModel | Refused) -> ModelRow:

@@ -23,6 +23,7 @@ _PARTS: Mapping[str, str] = MappingProxyType(
         "flight.battery": "battery",
         "flight.drag": "drag",
         "flight.wind": "wind",
+        "flight.yaw": "yaw drift",
         "flight.modes": "flight modes",
         "logging": "logging",
         "logging.rates": "rates of the log",

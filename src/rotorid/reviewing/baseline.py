@@ -147,6 +147,7 @@ def measures(reviewed: Review) -> dict[str, Quantity]:
         **{f"loops.{name}": loop.numbers for name, loop in reviewed.loops.items()},
         **{f"margins.{axis}": margin.numbers for axis, margin in reviewed.margins.items()},
         "battery": reviewed.flight.battery,
+        "yaw": reviewed.flight.yaw,
         "noise": reviewed.noise.numbers,
         "motors": {**reviewed.motors.means, **reviewed.motors.numbers},
     }

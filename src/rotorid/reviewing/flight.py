@@ -33,6 +33,7 @@ from rotorid.flights.same_vehicle import frame_of
 from rotorid.flights.tilt_drag import TiltDrag, tilt_drag
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview, section
+from rotorid.reviewing.yaw_drift import yaw_drift
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages
 from rotorid.signal.clock import even_step_s
@@ -102,7 +103,7 @@ def vehicle(record: FlightRecord) -> tuple[VehicleReview, tuple[Unavailable, ...
 
 
 def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]]:
-    """Flights, battery, throttle of hover, thrust over weight, drag, wind and modes.
+    """Flights, battery, throttle of hover, thrust over weight, drag, wind, yaw drift and modes.
 
     Raises
     ------
@@ -123,6 +124,8 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
     unavailable += missing
     wind, missing = section("flight.wind", partial(_wind, record, flights, found_drag), none)
     unavailable += missing
+    yaw, missing = section("flight.yaw", partial(yaw_drift, record, flights), none)
+    unavailable += missing
     modes = _modes(record, flights)
     if not modes:
         unavailable.append(Unavailable(what="flight.modes", why="Flight modes are not logged."))
@@ -137,6 +140,7 @@ def flight(record: FlightRecord) -> tuple[FlightSummary, tuple[Unavailable, ...]
         thrust_to_weight=ratio,
         wind=wind,
         drag={} if found_drag is None else _drag_numbers(found_drag),
+        yaw=yaw,
         modes=modes,
         findings=() if found_drag is None else found_drag.findings(),
     )

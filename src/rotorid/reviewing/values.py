@@ -264,6 +264,8 @@ class FlightSummary(Immutable):
         Figures of ``wind``: by drag and tilt, else as the autopilot estimates it.
     drag
         Figures of ``drag``, by the tilt as instrument.
+    yaw
+        Figures of ``yaw``: drift and trim with a centered stick, and both over the battery's voltage.
     modes
         Share of the time in the air of each flight mode, by name.
     findings
@@ -277,6 +279,7 @@ class FlightSummary(Immutable):
     thrust_to_weight: Quantity | None = None
     wind: Mapping[str, Quantity] = field(default_factory=dict)
     drag: Mapping[str, Quantity] = field(default_factory=dict)
+    yaw: Mapping[str, Quantity] = field(default_factory=dict)
     modes: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
 
@@ -284,7 +287,8 @@ class FlightSummary(Immutable):
         require_figures("battery", self.battery)
         require_figures("wind", self.wind)
         require_figures("drag", self.drag)
-        self._set(battery=self.battery, wind=self.wind, drag=self.drag, modes=self.modes)
+        require_figures("yaw", self.yaw)
+        self._set(battery=self.battery, wind=self.wind, drag=self.drag, yaw=self.yaw, modes=self.modes)
 
 
 @dataclass(frozen=True, kw_only=True)
