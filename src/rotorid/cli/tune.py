@@ -243,7 +243,7 @@ def _print_details(document: TuneDocument) -> None:
             console.print(f"D changes in flight; these margins are for {where}.", highlight=False, markup=False)
         if tuning.path:
             console.print(_path_table(axis, tuning, frequency_of([document.autopilot])))
-            console.print(path_sentence(tuning.path), highlight=False, markup=False)
+            console.print(path_sentence(tuning.path, axis), highlight=False, markup=False)
     if (thrust := document.thrust) is not None and thrust.flown != thrust.proposed:
         line = f"{thrust.parameter}: {thrust.flown:g} → {thrust.proposed:g} would linearize thrust (file thrust)"
         console.print(line, highlight=False, markup=False)
@@ -255,7 +255,8 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
 
     from rotorid.documents.tune_check import METHODS, compared_words
     from rotorid.report.frame import frequency_of
-    from rotorid.report.tune_words import LOOP_WORDS, row_numbers, row_words
+    from rotorid.report.loop_words import LOOP_WORDS
+    from rotorid.report.tune_words import row_numbers, row_words
 
     console, unit = output_console(), frequency_of(document.provenance.inputs)
     for axis, checked in document.axes.items():

@@ -87,7 +87,7 @@ def needed_rad_s(
 ) -> float:
     """Upper end in whole rad/s of the sweep that is needed to propose and check gains of a loop.
 
-    That of an outer loop is known wherever its inner loop is.
+    An outer loop needs none of its own: it is known where its inner loop is.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def needed_rad_s(
         Transfer functions of its gains, with the filters to fly.
     """
     if KINDS[axis].outer:
-        return plant.band_rad_s[1]
+        return 0.0
     ends = tuple(at_ends(controller, parts).values())
     return float(np.ceil(needed_band(axis, plant.response, parts.controller, parts, wishes=wishes, ends=ends)[1]))
 

@@ -26,7 +26,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.flights.tilt_drag import tilt_drag
+from rotorid.flights.tilt_drag import TiltDrag, tilt_drag_of
 from rotorid.models.autopilots.outer import outer_controller, outer_names, outer_settings, velocity_filters
 from rotorid.models.autopilots.settings import AxisController, loop_settings
 from rotorid.proposing.axis import KnownAxis
@@ -151,15 +151,35 @@ class OuterMaterial(Immutable):
 
 
 class Drag(NamedTuple):
-    """Drag over mass, 1/s, with its standard deviation and where it is from."""
+    """Drag over mass, 1/s: what was measured, with its standard deviation, and what it may be in calm air.
+
+    Drag of the body grows with the airspeed. A loop has to hold in calm air, where drag helps least, and in the wind in
+    which it was measured.
+    """
 
     value: float
     std: float
+    calm: float
     source: str
+
+    def drawn(self, rng: np.random.Generator, draws: int) -> FloatArray:
+        """Likely drags, from calm air to the wind that was flown, shape ``(draws,)``."""
+        own = self.calm + (self.value - self.calm) * rng.random(draws)
+        return np.asarray(np.maximum(own + self.std * rng.standard_normal(draws), 0.0))
+
+    @property
+    def usual(self) -> float:
+        """Between calm air and the wind that was flown."""
+        return 0.5 * (self.calm + self.value)
+
+
+_BODY_DRAG_1_M, _LEAST_LEFT = 0.03, 0.3
+"""Drag over mass that grows with the square, as of the library's bodies, where a flight does not show it; and the least
+share of the measured drag that is left in calm air."""
 
 
 def drag_of(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> Drag:
-    """Drag over mass: of a given hover model, or of an ordinary flight.
+    """Drag over mass: of a given hover model, or of all flights.
 
     Raises
     ------
@@ -169,20 +189,32 @@ def drag_of(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> D
     for model in given:
         for name in _DRAGS:
             if name in model.parameters and (std := model[name].std) is not None:
-                return Drag(-model[name].value, std, f"{name} of {model.name}")
+                value = max(-model[name].value, 0.0)
+                return Drag(value, std, value, f"{name} of {model.name}")
     why = ""
-    for record in logs:
+    # All flights together show it best; one without its channels takes no other's away.
+    alone = [(record,) for record in logs]
+    for some in (tuple(logs), *alone) if len(logs) > 1 else alone:
         try:
-            found = tilt_drag(record, airborne(record).intervals).drag
+            found = tilt_drag_of([(record, airborne(record).intervals) for record in some])
         except InsufficientDataError as error:
             why = why or error.came
         else:
-            return Drag(found.value, found.std or 0.0, record.source.name)
+            return _flown_drag(found, ", ".join(record.source.name for record in some))
     raise InsufficientDataError(
-        f"the drag is not known{f' ({why})' if why else ''}, and it decides the velocity loop",
+        f"the drag is not known{f' ({why})' if why else ''}, and the velocity loop depends on it",
         needed="a flight that shows it, or a result of hover.lateral",
         remedy="fly 60 s back and forth at 2 to 5 m/s in calm air and give that log too",
     )
+
+
+def _flown_drag(found: TiltDrag, source: str) -> Drag:
+    value = found.drag.value
+    if found.at_rest is not None:
+        calm = min(max(found.at_rest.value, _LEAST_LEFT * value), value)
+    else:
+        calm = max(value - _BODY_DRAG_1_M * found.airspeed_m_s[1], _LEAST_LEFT * value)
+    return Drag(value, found.drag.std or 0.0, calm, source)
 
 
 def attitude_response(inner: InnerLoop, omega_rad_s: FloatArray, *, drawn: bool) -> ComplexArray:
@@ -222,7 +254,7 @@ def velocity_plant(inner: InnerLoop, drag: Drag, *, seed: int) -> UncertainPlant
 
     def response(omega_rad_s: FloatArray) -> ComplexArray:
         omega = np.atleast_1d(omega_rad_s)
-        return np.asarray(attitude_response(inner, omega, drawn=False)[0] / (1j * omega + drag.value))
+        return np.asarray(attitude_response(inner, omega, drawn=False)[0] / (1j * omega + drag.usual))
 
     knots = np.asarray(np.exp(_KNOTS))
     known = inner.known
@@ -232,9 +264,9 @@ def velocity_plant(inner: InnerLoop, drag: Drag, *, seed: int) -> UncertainPlant
     # What flew was stable: of a draw that is not, there is no attitude to speak of.
     attitudes[~stable] = 1.0
     rng = np.random.default_rng(seed)
-    drags = np.maximum(drag.value + drag.std * rng.standard_normal(len(attitudes)), 0.0)
+    drags = drag.drawn(rng, len(attitudes))
     s = 1j * knots
-    spread = np.log(attitudes) + np.log((s + drag.value) / (s + drags[:, None]))
+    spread = np.log(attitudes) + np.log((s + drag.usual) / (s + drags[:, None]))
     band = (_LOWEST_RAD_S, known.plant.band_rad_s[1])
     rest = uncertain_plant(response, None, band_rad_s=band, draws=len(attitudes), seed=seed + 1, floor=FLOOR)
     places = np.log(knots)

@@ -24,9 +24,9 @@ from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.proposing.steps import step_times_s
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
+from rotorid.report.loop_words import LOOP_WORDS, answer_of, is_outer, loop_words
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
-    LOOP_WORDS,
     following,
     headline,
     judged_sentences,
@@ -45,7 +45,7 @@ from rotorid.report.tune_words import (
 )
 from rotorid.tuning.judging import VERDICT_NAMES, Verdict
 from rotorid.tuning.loops import quantities
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 _OF_LOOPS = (
     "crossover_rad_s",
@@ -106,9 +106,11 @@ class PathRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TunedAxis:
-    """An axis on the page."""
+    """An axis, or an outer loop, on the page."""
 
     name: str
+    loops: tuple[str, str]
+    error: str
     changed: bool
     summary: str
     gains: tuple[GainRow, ...]
@@ -128,6 +130,7 @@ class JudgedCard:
     """Foreign gains of an axis on the page."""
 
     name: str
+    loops: tuple[str, str]
     badge: str
     words: str
     sentence: str
@@ -151,10 +154,12 @@ def _judged_cards(document: TuneDocument, proposal: TuningProposal) -> tuple[Jud
     cards = []
     for axis, found in document.judged.axes.items():
         known = proposal.judged.axes.get(axis)
+        attitude = () if is_outer(axis) else _OF_ATTITUDE
         steps_found = {} if known is None else {name: _band(rows) for name, rows in known.steps.items()}
         cards.append(
             JudgedCard(
                 name=axis,
+                loops=_loops_of(axis),
                 badge=_BADGES[found.verdict],
                 words=VERDICT_NAMES[found.verdict],
                 sentence=verdict_sentence(axis, found),
@@ -170,7 +175,7 @@ def _judged_cards(document: TuneDocument, proposal: TuningProposal) -> tuple[Jud
                 ),
                 margins=tuple(
                     MarginRow(name=_named(name), cells=tuple(_cell(name, loop.get(name)) for loop in loops))
-                    for names, loops in ((_OF_LOOPS, (found.rate, found.whole)), (_OF_ATTITUDE, ({}, found.attitude)))
+                    for names, loops in ((_OF_LOOPS, (found.rate, found.whole)), (attitude, ({}, found.attitude)))
                     for name in names
                     if any(name in loop for loop in loops)
                 ),
@@ -178,7 +183,7 @@ def _judged_cards(document: TuneDocument, proposal: TuningProposal) -> tuple[Jud
                     Picture(
                         key=f"{axis}-judged-step",
                         description=f"Step response of {axis} with flown and judged gains, with 95 % bands",
-                        figure=drawn(steps, step_times_s(), steps_found, axis=axis),
+                        figure=drawn(steps, step_times_s(axis), steps_found, axis=answer_of(axis, whole=True)),
                     ),
                 )
                 if "judged" in steps_found
@@ -412,11 +417,18 @@ def _thrust(document: TuneDocument) -> str:
     )
 
 
-def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: float | None) -> TunedAxis:
+def _loops_of(axis: LoopName) -> tuple[str, str]:
+    words = loop_words(axis)
+    return capital(words["rate"]), capital(words["whole"])
+
+
+def _axis(axis: LoopName, document: AxisTuneDocument, tuning: AxisTuning, scale: float | None) -> TunedAxis:
     loops = (document.flown, document.proposed, document.flown_whole, document.proposed_whole)
     whole = (document.flown_attitude, document.proposed_attitude)
     return TunedAxis(
         name=axis,
+        loops=_loops_of(axis),
+        error="Position error" if is_outer(axis) else "Attitude error",
         changed=document.changed,
         summary=limiting(document),
         gains=tuple(
@@ -438,6 +450,7 @@ def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: floa
                     name=_named(name), cells=(_NOTHING, _NOTHING, *(_cell(name, loop.get(name)) for loop in whole))
                 )
                 for name in _OF_ATTITUDE
+                if not is_outer(axis)
             ),
         ),
         path=tuple(
@@ -450,11 +463,12 @@ def _axis(axis: str, document: AxisTuneDocument, tuning: AxisTuning, scale: floa
             for step in document.path
         ),
         path_gains=tuple(document.path[0].gains) if document.path else (),
-        path_sentence=path_sentence(document.path) if document.path else "",
+        path_sentence=path_sentence(document.path, axis) if document.path else "",
         pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
-        sliders=_sliders(tuning),
+        # The page's own steps are those of an attitude.
+        sliders=() if is_outer(axis) else _sliders(tuning),
         by_hand=Picture(
             key=f"{axis}-by-hand",
             description=f"Step response of {axis} with the gains of today and those chosen here",
@@ -475,7 +489,7 @@ def _format_quantity(peak: QuantityDocument | None) -> str:
     return MISSING if peak is None else with_ends(peak.value, peak.lower, peak.upper)
 
 
-def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Picture]:
+def _pictures(axis: LoopName, tuning: AxisTuning, scale: float | None) -> Sequence[Picture]:
     both = ("flown", "proposed") if tuning.proposal.changed else ("flown",)
     bands = {
         kind: {name: _band(np.abs(tuning.responses[f"{kind}_{name}"])) for name in both}
@@ -490,20 +504,23 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
         for name, found in quick.items()
         if name in both and {"rejection_bandwidth_rad_s", "rejection_peak_db"} <= found.keys()
     }
+    scale = None if is_outer(axis) else scale
+    answer = answer_of(axis, whole=tuning.proposal.flown.gains.A > 0.0)
+    moment = "force" if is_outer(axis) else "moment"
     guided = "" if scale is None else f", with the guideline for a helicopter {scale:.0f} times larger"
     sensitivities = {name: _band(np.abs(1.0 / (1.0 + tuning.loops[f"{name}_whole"]))) for name in both}
     spectrum = partial(responses, tuning.omega_rad_s, seen_rad_s=tuning.plant.band_rad_s)
     further = [
         in_all_units(
-            partial(spectrum, bands["attitude"], label=f"{capital(axis)} over its set-point"),
+            partial(spectrum, bands["attitude"], label=f"{capital(answer)} over its set-point"),
             key=f"{axis}-attitude",
-            description=f"Magnitude of {axis} over its set-point, flown and proposed gains",
+            description=f"Magnitude of {answer} over its set-point, flown and proposed gains",
             converted=True,
         ),
         in_all_units(
-            partial(spectrum, bands["disturbance"], label=f"{capital(axis)} over moment"),
+            partial(spectrum, bands["disturbance"], label=f"{capital(answer)} over {moment}"),
             key=f"{axis}-disturbance",
-            description=f"Magnitude of {axis} under a disturbance moment, flown and proposed gains",
+            description=f"Magnitude of {answer} under a disturbance {moment}, flown and proposed gains",
             converted=True,
         ),
     ]
@@ -520,8 +537,8 @@ def _pictures(axis: str, tuning: AxisTuning, scale: float | None) -> Sequence[Pi
     return [
         Picture(
             key=f"{axis}-step",
-            description=f"Step response of {axis} with flown and proposed gains, with 95 % bands",
-            figure=drawn(steps, tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=axis),
+            description=f"Step response of {answer} with flown and proposed gains, with 95 % bands",
+            figure=drawn(steps, tuning.step_s, {name: _band(tuning.steps[name]) for name in both}, axis=answer),
         ),
         in_all_units(
             partial(spectrum, sensitivities, label=_SENSITIVITY),

@@ -19,8 +19,11 @@ from rotorid.documents.tune import (
     TuneDocument,
 )
 from rotorid.models.autopilots.gains import letter_of
+from rotorid.models.autopilots.outer import outer_loop_of
 from rotorid.plot.curves import Frequency
+from rotorid.report.loop_words import both_loops, is_outer, loop_words, motion_of, shaking
 from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
+from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import LoopName
 
@@ -38,9 +41,6 @@ _LITTLE_LEFT = 0.9
 
 _QUIETER, _LOUDER, _HOTTER = 0.95, 1.05, 1.3
 """Noise of the command over that of today, between which it counts as the same, and above which motors get warmer."""
-
-LOOP_WORDS = {"rate": "rate loop", "whole": "with angle loop"}
-"""What each loop is called in tables."""
 
 _MARGINS = (
     ("rate", "sensitivity_peak"),
@@ -88,14 +88,11 @@ def _of_today(tuning: AxisTuneDocument) -> bool:
     return any(reason.startswith(_TODAY) for reason in tuning.reasons)
 
 
-_MOTIONS: Mapping[LoopName, str] = {"yaw": "turns", "velocity": "moves", "climb": "lifts"}
-
-
 def _disturbance(document: TuneDocument, axes: Sequence[LoopName]) -> str:
     """What a disturbance does to the vehicle compared with today; axes that change alike share a clause."""
     alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis in axes:
-        motion = _MOTIONS.get(axis, "tilts")
+        motion = motion_of(axis)
         alike.setdefault((motion, _less(document.axes[axis].attitude_ratio)), []).append(axis)
     clauses = [
         f"{motion} the vehicle {less} today{f' in {listed(same)}' if len(alike) > 1 else ''}"
@@ -108,7 +105,7 @@ def _watch(changed: Mapping[LoopName, AxisTuneDocument]) -> str:
     """What to watch in the first flight of new gains: the loop nearest to shaking, noise, overshoot."""
     peaks = {axis: one.proposed_whole.get("sensitivity_peak") for axis, one in changed.items()}
     nearest = max(changed, key=lambda axis: math.inf if (peak := peaks[axis]) is None else peak.value)
-    points = [f"{nearest} shaking{_at(changed[nearest].proposed_whole)}"]
+    points = [f"{shaking(nearest)}{_at(changed[nearest].proposed_whole)}"]
     angles = {
         axis: one.proposed_whole["phase_margin_deg"].value
         for axis, one in changed.items()
@@ -116,7 +113,7 @@ def _watch(changed: Mapping[LoopName, AxisTuneDocument]) -> str:
     }
     if angles and min(angles.values()) < QUANTITIES["phase_margin_deg"].good_above:
         points.append(f"overshoot in {min(angles, key=angles.__getitem__)}")
-    if max(one.noise_ratio for one in changed.values()) > _HOTTER:
+    if max((one.noise_ratio for axis, one in changed.items() if not is_outer(axis)), default=0.0) > _HOTTER:
         points.append("hot motors")
     return f"In the first flight, watch for {listed(points)}; if in doubt, land and load the old gains."
 
@@ -151,17 +148,16 @@ def judged_sentences(document: TuneDocument) -> tuple[str, ...]:
 
 def verdict_sentence(axis: LoopName, found: AxisJudgedDocument) -> str:
     """The verdict on the gains of an axis, its reason, what they bring, and what to lower."""
-    words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(found)}."]
+    words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(axis, found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
     if found.verdict in ("fly", "gently") and found.attitude_ratio is not None:
-        motion = _MOTIONS.get(axis, "tilts")
-        words.append(f"A disturbance {motion} the vehicle {_less(found.attitude_ratio)} today.")
+        words.append(f"A disturbance {motion_of(axis)} the vehicle {_less(found.attitude_ratio)} today.")
     if found.lower:
         words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
     return " ".join(words)
 
 
-def _because(found: AxisJudgedDocument) -> str:
+def _because(axis: LoopName, found: AxisJudgedDocument) -> str:
     """Why, as the end of a sentence: what the loop does on the plant that decides."""
     plant = found.breaking
     if plant is None:
@@ -179,14 +175,14 @@ def _because(found: AxisJudgedDocument) -> str:
     deviation = f"gain {_signed(100.0 * (plant.gain - 1.0))} %, phase {_signed(plant.phase_deg)}°"
     if plant.sensitivity_peak is None:
         share = "" if not found.unstable else f" on {_share(found.unstable)} of the likely vehicles"
-        loops = "rate and angle loop together are" if whole else "the rate loop is"
+        loops = f"{both_loops(axis)} are" if whole else f"the {loop_words(axis)['rate']} is"
         return f": {loops} unstable at about {at}{share} (for example {deviation})"
     if found.verdict == "fly":
         return f": M_s stays below {plant.sensitivity_peak:.2f} on 95 % of the likely vehicles"
     scale = (
         f"above {REFUSED_PEAK:g} is too much" if found.verdict == "do_not_fly" else f"up to {SAFE_PEAK:g} is no concern"
     )
-    loops = "rate and angle loop together amplify" if whole else "the rate loop amplifies"
+    loops = f"{both_loops(axis)} amplify" if whole else f"the {loop_words(axis)['rate']} amplifies"
     return f": on a likely vehicle ({deviation}) {loops} shaking at {at} {plant.sensitivity_peak:.1f} times; {scale}"
 
 
@@ -203,15 +199,15 @@ def axis_sentences(document: TuneDocument) -> tuple[tuple[str, str], ...]:
     """New gains, or that today's stay, with what limits them; axes of which the same is true share a sentence."""
     alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis, tuning in document.axes.items():
-        alike.setdefault((_gains_words(tuning), limiting(tuning)), []).append(axis)
+        alike.setdefault((_gains_words(axis, tuning), limiting(tuning)), []).append(axis)
     return tuple((f"{capital(listed(axes))}: {words}.", limits) for (words, limits), axes in alike.items())
 
 
-def _gains_words(tuning: AxisTuneDocument) -> str:
+def _gains_words(axis: LoopName, tuning: AxisTuneDocument) -> str:
     """New gains of an axis and what becomes of the noise; or that today's gains stay, and why."""
     if not tuning.changed:
         return ": ".join(filter(None, ("keep today's gains", "; ".join(tuning.reasons))))
-    return f"{changed_gains(tuning)}{_noise(tuning.noise_ratio)}"
+    return f"{changed_gains(tuning)}{'' if is_outer(axis) else _noise(tuning.noise_ratio)}"
 
 
 def changed_gains(tuning: AxisTuneDocument) -> str:
@@ -226,7 +222,12 @@ def changed_gains(tuning: AxisTuneDocument) -> str:
 def _short(name: str) -> str:
     """What a pilot calls a gain; a filter has the firmware's name."""
     letter = letter_of(name)
-    return "angle P" if letter == "A" else letter or name
+    return _angle(name) if letter == "A" else letter or name
+
+
+def _angle(name: str) -> str:
+    """What a pilot calls the gain of an angle or, of an outer loop, of the place."""
+    return f"{KINDS[outer_loop_of(name) or 'roll'].angle} P"
 
 
 def _less(ratio: QuantityDocument) -> str:
@@ -285,12 +286,12 @@ def margin_lines(document: TuneDocument) -> tuple[MarginLine, ...]:
             found.append(
                 MarginLine(
                     axis=axis,
-                    name=f"{QUANTITIES[name].before}, {LOOP_WORDS[loop]}",
+                    name=f"{QUANTITIES[name].before}, {loop_words(axis)[loop]}",
                     today=margin_text(name, today[loop].get(name)),
                     new=margin_text(name, new[loop][name]) if tuning.changed else "unchanged",
                     fine=fine_text(name),
                     missed=_missed(axis, loop, name, new[loop][name]),
-                    loop=LOOP_WORDS[loop],
+                    loop=loop_words(axis)[loop],
                     number=_number(name, new[loop][name]),
                 )
             )
@@ -303,7 +304,7 @@ def _missed(axis: LoopName, loop: str, name: str, quantity: QuantityDocument) ->
     least = 20.0 * math.log10(Wishes().gain_margin) if name == "gain_margin_db" else figure.good_above
     if not (quantity.value < least or quantity.value > figure.good_below):
         return ""
-    where = "of the rate loop" if loop == "rate" else LOOP_WORDS[loop]
+    where = f"of the {loop_words(axis)[loop]}" if loop == "rate" else loop_words(axis)[loop]
     return f"{capital(axis)}: the {figure.before} {where} is {_number(name, quantity)}; {fine_text(name)} is fine."
 
 
@@ -389,8 +390,7 @@ def following(document: TuneDocument) -> str:
     shares = {axis: path[-1].attitude_ratio.value / path[0].attitude_ratio.value for axis, path in paths.items()}
     axis = min(shares, key=shares.__getitem__)
     first, *_, goal = paths[axis]
-    motion = _MOTIONS.get(axis, "tilts")
-    change = f"{motion} the vehicle {_fewer(shares[axis])} less ({axis})"
+    change = f"{motion_of(axis)} the vehicle {_fewer(shares[axis])} less ({axis})"
     name = "sensitivity_peak"
     if name in first.whole and name in goal.whole:
         peaks = [significant(step.whole[name].value, digits=3) for step in (goal, first)]
@@ -445,13 +445,13 @@ def _fewer(left: float) -> str:
     return f"{1.0 / left:.2g} times" if left <= 1.0 / _WORTH_A_FACTOR else f"{100.0 * (1.0 - left):.0f} %"
 
 
-def path_sentence(path: Sequence[PathStepDocument]) -> str:
+def path_sentence(path: Sequence[PathStepDocument], axis: LoopName = "roll") -> str:
     """How several flights lead to the best gains."""
     first, *_, goal = path
     less = _fewer(goal.attitude_ratio.value / first.attitude_ratio.value)
+    sweep = "" if is_outer(axis) else f" with a sweep up to {goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz"
     return (
-        "P, D and angle P at most double in one flight. Fly the new gains with a sweep up to "
-        f"{goal.sweep_to_rad_s / (2.0 * math.pi):.0f} Hz, check that flight, and "
-        "tune "
-        f"again. With the final gains, a disturbance tilts the vehicle {less} less than with the gains proposed now."
+        f"P, D and {KINDS[axis].angle} P at most double in one flight. Fly the new gains{sweep}, check that "
+        f"flight, and tune again. With the final gains, a disturbance {motion_of(axis)} the vehicle {less} less than "
+        "with the gains proposed now."
     )

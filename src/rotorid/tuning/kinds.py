@@ -7,7 +7,7 @@ outer one is ten times slower, and its gains have other ratios.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +22,8 @@ class LoopKind(Immutable):
 
     Parameters
     ----------
+    rate, angle
+        What the inner and the outer of both loops control.
     outer
         Whether it controls a velocity and, around it, the position; else a rate and the angle.
     lowest_rad_s, highest_rad_s
@@ -38,6 +40,8 @@ class LoopKind(Immutable):
         Samples of its step response, and how much of it is shown.
     """
 
+    rate: str = "rate"
+    angle: str = "angle"
     outer: bool = False
     lowest_rad_s: float = 0.5
     highest_rad_s: float = 600.0
@@ -50,6 +54,19 @@ class LoopKind(Immutable):
     step_rate_hz: float = 250.0
     step_shown_s: float = 2.0
 
+    def worded(self, sentence: str) -> str:
+        """A sentence on a rate and its angle loop, in the words of this kind.
+
+        Examples
+        --------
+        >>> KINDS["velocity"].worded("M_s of the rate loop exceeds 1.7")
+        'M_s of the velocity loop exceeds 1.7'
+        """
+        words = {"rate loop": f"{self.rate} loop", "angle loop": f"{self.angle} loop", "angle P": f"{self.angle} P"}
+        for ours, own in words.items():
+            sentence = sentence.replace(ours, own)
+        return sentence
+
 
 _DERIVATIVES = np.concatenate([[0.0], np.geomspace(0.003, 0.2, 13)])
 _ANGLES = np.geomspace(0.8, 12.0, 8)
@@ -57,7 +74,9 @@ _ANGLES = np.geomspace(0.8, 12.0, 8)
 _TILT = LoopKind(integrals=np.geomspace(0.3, 12.0, 18), derivatives=_DERIVATIVES, angles=_ANGLES)
 _YAW = LoopKind(integrals=np.geomspace(0.1, 5.0, 18), derivatives=np.zeros(1), angles=_ANGLES)
 
-_OUTER = LoopKind(
+_VELOCITY = LoopKind(
+    rate="velocity",
+    angle="position",
     outer=True,
     lowest_rad_s=0.03,
     highest_rad_s=60.0,
@@ -71,7 +90,9 @@ _OUTER = LoopKind(
     step_shown_s=8.0,
 )
 
+_CLIMB = replace(_VELOCITY, rate="climb", angle="height")
+
 KINDS: Mapping[LoopName, LoopKind] = MappingProxyType(
-    {"roll": _TILT, "pitch": _TILT, "yaw": _YAW, "velocity": _OUTER, "climb": _OUTER}
+    {"roll": _TILT, "pitch": _TILT, "yaw": _YAW, "velocity": _VELOCITY, "climb": _CLIMB}
 )
 """The kind of every loop that is tuned."""

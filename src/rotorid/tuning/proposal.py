@@ -298,7 +298,7 @@ def propose(
             flown=flown,
             proposed=flown,
             better=1.0,
-            reasons=tuple(reasons),
+            reasons=tuple(map(KINDS[axis].worded, reasons)),
             keeps_limits=False,
         )
     better = _over(best, flown)
@@ -307,13 +307,23 @@ def propose(
     if better > _WORTH and not broken and same:
         reasons.append("no gains within the limits are clearly better")
         return AxisProposal(
-            axis=axis, controller=controller, flown=flown, proposed=flown, better=1.0, reasons=tuple(reasons)
+            axis=axis,
+            controller=controller,
+            flown=flown,
+            proposed=flown,
+            better=1.0,
+            reasons=tuple(map(KINDS[axis].worded, reasons)),
         )
     if broken:
         reasons.append(f"today {broken}")
     reasons += _bound_by(best.gains, flown.gains, wishes)
     return AxisProposal(
-        axis=axis, controller=controller, flown=flown, proposed=best, better=better, reasons=tuple(reasons)
+        axis=axis,
+        controller=controller,
+        flown=flown,
+        proposed=best,
+        better=better,
+        reasons=tuple(map(KINDS[axis].worded, reasons)),
     )
 
 

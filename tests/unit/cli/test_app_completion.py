@@ -38,7 +38,7 @@ def test_the_shell_completes_commands_options_and_values(shell: str) -> None:
     ("words", "expected"),
     [("identify --model rate.roll,rate.p", ["rate.roll,rate.pitch"]), ("identify --curve q", ["quadratic"]),
      ("simulate px4", ["px4_quad"]), ("simulate px4_quad --format b", ["bin", "bbl"]),
-     ("export result --to px4", ["px4-sih"]), ("tune log --axes roll,p", ["roll,pitch"]),
+     ("export result --to px4", ["px4-sih"]), ("tune log --axes roll,p", ["roll,pitch", "roll,position"]),
      ("design multisine --vehicle bebo", ["bebop"]), ("design sweep --for ard", ["ardupilot"]),
      ("identify --cross-validate l", ["leave_one_out"]), ("review --figures s", ["svg"])],
 )  # fmt: skip

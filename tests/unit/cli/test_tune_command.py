@@ -49,7 +49,7 @@ def test_gains_around_an_unknown_vehicle_are_not_called_safe(log: Path, tmp_path
         (("--robustness", "9"), "from 1.2 to 2.5"),
         (("--noise", "0"), "a factor from 0.1 to 10"),
         (("--scale", "0.1"), "from 1 to 1000"),
-        (("--axes", "surge"), "use roll, pitch or yaw"),
+        (("--axes", "surge"), "use roll, pitch, yaw, velocity"),
         (("--check", "nowhere"), "a tune.json"),
         (("--judge", "nowhere"), "nowhere cannot be read"),
         (("--judge", "nowhere", "--check", "nowhere"), "exclude each other"),

@@ -15,7 +15,7 @@ from rotorid.errors import UsageError
 from rotorid.models.autopilots import ardupilot, betaflight, px4
 from rotorid.models.autopilots.betaflight import PER_D, PER_I, PER_P, YAW_I
 from rotorid.models.autopilots.betaflight_settings import angle_name
-from rotorid.models.autopilots.outer import outer_parameters
+from rotorid.models.autopilots.outer import outer_letter, outer_parameters
 from rotorid.models.autopilots.settings import AxisController, Parameter, Version, version_of
 from rotorid.typing import LoopName
 
@@ -114,13 +114,15 @@ _LEAST_LEFT = 0.05
 
 
 def letter_of(name: str) -> str:
-    """``P``, ``I``, ``D`` or ``A`` (angle) of the gain that a firmware's parameter holds; empty for any other one.
+    """``P``, ``I``, ``D`` or ``A`` (angle, position) of the gain in a firmware's parameter; empty for any other.
 
     Examples
     --------
     >>> letter_of("MC_ROLLRATE_P"), letter_of("d_pitch"), letter_of("ATC_ANG_YAW_P"), letter_of("IMU_GYRO_CUTOFF")
     ('P', 'D', 'A', '')
     """
+    if letter := outer_letter(name):
+        return letter
     found = _LETTERS.fullmatch(name)
     return "" if found is None else (found["rate"] or found["low"] or "A").upper()
 

@@ -56,7 +56,10 @@ def _renamed() -> dict[str, tuple[str, float]]:
 RENAMED: Mapping[str, tuple[str, float]] = MappingProxyType(_renamed())
 """ArduPilot's name before 4.7 to the one since, and the factor on its value."""
 
-_SETTINGS = ("MPC_", "PSC_", "EKF2_PREDICT_US", "ATC_INPUT_TC", "ATC_RATE_FF_ENAB")
+OUTER_STEMS = ("MPC_", "PSC_")
+"""How the names of all parameters of outer loops begin."""
+
+_SETTINGS = (*OUTER_STEMS, "EKF2_PREDICT_US", "ATC_INPUT_TC", "ATC_RATE_FF_ENAB")
 
 
 def outer_settings(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -162,6 +165,33 @@ def outer_parameters(controller: AxisController) -> dict[str, Parameter] | None:
     found = generation_of(controller.gains, controller.axis)
     assert found is not None
     return {letter: parameter for letter, parameter in found.gains.items() if parameter.name in controller.gains}
+
+
+def outer_letter(name: str) -> str:
+    """``P``, ``I``, ``D`` or ``A`` (position) of a gain of an outer loop; empty for any other parameter.
+
+    Examples
+    --------
+    >>> outer_letter("PSC_NE_VEL_P"), outer_letter("MPC_XY_P"), outer_letter("MPC_VEL_LP")
+    ('P', 'A', '')
+    """
+    return next((letters[name] for loop in GENERATIONS if name in (letters := _letters(loop))), "")
+
+
+def outer_loop_of(name: str) -> LoopName | None:
+    """The outer loop whose gain a parameter is.
+
+    Examples
+    --------
+    >>> outer_loop_of("MPC_XY_VEL_P_ACC"), outer_loop_of("MC_ROLL_P")
+    ('velocity', None)
+    """
+    return next((loop for loop in GENERATIONS if name in _letters(loop)), None)
+
+
+def _letters(loop: LoopName) -> dict[str, str]:
+    """Names of the gains of a loop, of every generation, to their letters."""
+    return {one.name: letter for known in GENERATIONS[loop] for letter, one in known.gains.items()}
 
 
 def outer_names(loop: LoopName) -> tuple[str, ...]:
