@@ -1,4 +1,4 @@
-"""The page of a review: six answers before any scrolling, everything else folded below them."""
+"""The page of a review: seven answers before any scrolling, everything else folded below them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_six_answers_are_on_the_first_screen(shared_browser: Any, tmp_path: Path, dark: bool) -> None:
+def test_seven_answers_are_on_the_first_screen(shared_browser: Any, tmp_path: Path, dark: bool) -> None:
     review = made_review()
     seen = first_screen(shared_browser, written(render_reviews([review]), tmp_path), dark=dark)
     for card in cards(review):
         assert card.title in seen.words
         assert card.headline in seen.words
     assert seen.headings[0] == (1, "flight.ulg")
-    assert [words for level, words in seen.headings if level == 2][:6] == [card.title for card in cards(review)]
+    assert [words for level, words in seen.headings if level == 2][:7] == [card.title for card in cards(review)]
     assert seen.levels_without_gap
     assert seen.height <= 2200
     # What is folded is drawn when it is opened.

@@ -10,10 +10,10 @@ import pytest
 
 import rotorid
 from rotorid.data.record import FlightRecord
+from rotorid.flights.sensor_samples import rotor_speeds_hz
 from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.motors import motors
 from rotorid.reviewing.noise import noise
-from rotorid.flights.sensor_samples import rotor_speeds_hz
 from rotorid.reviewing.spectra import on_harmonics
 from rotorid.signal.airborne import airborne, within
 from rotorid.spectral.noise import short_spectra

@@ -53,7 +53,7 @@ def review_command(
     output: Output,
     paper: Annotated[ForPaper, Only("figures", "pdf")],
 ) -> None:
-    """Analyze an ordinary flight: six answers, and what to fly next (same as rotorid LOG)."""
+    """Analyze an ordinary flight: seven answers, and what to fly next (same as rotorid LOG)."""
     from rotorid.documents.base import to_json
     from rotorid.io.folders import making
     from rotorid.report.review import render_reviews
@@ -111,12 +111,15 @@ def _document(reviews: Sequence[Review]) -> Document:
 def _write(folder: Path, text: str, page: str, reviews: Sequence[Review]) -> None:
     from rotorid.documents.review import review_arrays
     from rotorid.io.files import write_atomically, write_npz
+    from rotorid.reviewing.filters import filter_files
 
     for number, review in enumerate(reviews, start=1):
         name = ARRAYS if len(reviews) == 1 else f"review-{number}.npz"
         write_npz(folder / name, review_arrays(review))
         if topics := review.logging.topics:
             write_atomically(folder / "logger_topics.txt", topics)
+        for name, lines in filter_files(review).items():
+            write_atomically(folder / (name if len(reviews) == 1 else f"{number}-{name}"), lines)
     write_atomically(folder / PAGE, page)
     write_atomically(folder / FILE, text)
 
@@ -169,7 +172,7 @@ def _states(name: str, answers: Sequence[Card]) -> str:
 
 
 def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bool = False, page: str = PAGE) -> None:
-    """What flew, six answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
+    """What flew, seven answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
     from rotorid.report.unavailable import gathered
     from rotorid.reviewing.baseline import left_out_words

@@ -10,6 +10,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, create_model, model_s
 
 from rotorid.data.quantities import Part, figures_of
 from rotorid.documents.base import Document, FindingDocument
+from rotorid.documents.filters import FilterDocument, filter_documents
 from rotorid.documents.result import ResultDocument, refused_document, result_document
 from rotorid.documents.verdict import VerdictDocument, verdict_document
 from rotorid.results.model import IdentifiedModel
@@ -286,6 +287,7 @@ class ReviewDocument(Document):
     next_commands: list[str] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     baseline: BaselineDocument | None = None
+    filters: dict[str, FilterDocument] = Field(default_factory=dict)
 
     @model_serializer(mode="wrap")
     def _refusals_without_parameters(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -338,6 +340,7 @@ def review_document(review: Review) -> ReviewDocument:
             name: result_document(model) if isinstance(model, IdentifiedModel) else refused_document(model)
             for name, model in review.models.items()
         },
+        filters=filter_documents(review.filters),
         noise=NoiseReviewDocument(
             peaks=[PeakDocument.model_validate(peak) for peak in review.noise.peaks],
             numbers=_numbers(review.noise.numbers),

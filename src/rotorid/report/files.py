@@ -169,7 +169,9 @@ _KINDS: Mapping[str, ResultKind] = {
     "results.json": _IDENTIFIED,
     "inspect.json": ResultKind(mains=("inspect.json",), schema="rotorid.inspect/", files=_REPORT_FILES),
     "review.json": ResultKind(
-        mains=("review.json",), schema="rotorid.review", files=("review*", "logger_topics.txt", "figures/*")
+        mains=("review.json",),
+        schema="rotorid.review",
+        files=("review*", "logger_topics.txt", "*filters*.*", "figures/*"),
     ),
     "response.json": ResultKind(mains=("response.json",), schema="rotorid.response/", files=_REPORT_FILES),
     "verification.json": ResultKind(mains=("verification.json",), schema="rotorid.verify/", files=_REPORT_FILES),

@@ -31,6 +31,7 @@ from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.baseline import left_out_words
 from rotorid.reviewing.card import Card
 from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
+from rotorid.reviewing.filters import filter_files
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.values import (
@@ -192,7 +193,12 @@ def render_reviews(reviews: Sequence[Review]) -> str:
     numbers = range(1, len(reviews) + 1)
     arrays = ["review.npz"] if len(reviews) == 1 else [f"review-{number}.npz" for number in numbers]
     topics = ["logger_topics.txt"] if any(review.logging.topics for review in reviews) else []
-    return with_files(page, ["review.json", *arrays, *topics])
+    filters = [
+        name if len(reviews) == 1 else f"{number}-{name}"
+        for number, review in zip(numbers, reviews, strict=True)
+        for name in filter_files(review)
+    ]
+    return with_files(page, ["review.json", *arrays, *topics, *filters])
 
 
 def _remarks(review: Review) -> tuple[FindingRow, ...]:
@@ -367,6 +373,7 @@ _SMALL: Mapping[str, Callable[[Review, Card], str]] = {
     "tracking": _small_steps,
     "margins": _small_margins,
     "noise": _small_noise,
+    "filters": lambda _review, _card: "",
     "motors": _small_motors,
     "power": _small_power,
     "models": _small_models,

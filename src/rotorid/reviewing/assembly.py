@@ -31,9 +31,11 @@ from rotorid.flights.whole_flights import FlightData, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
 from rotorid.io.records import as_records
+from rotorid.loops.filter_choice import FilterProposal
 from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.reviewing.baseline import baseline_of, with_baseline
+from rotorid.reviewing.filters import filters
 from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.inspection import foreseen
 from rotorid.reviewing.loops import loops
@@ -178,6 +180,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
     broken: dict[Axis, MarginReview] = {}
     followed: dict[str, TrackingReview] = {}
     noise_review, worked = NoiseReview(), MotorReview()
+    better: FilterProposal | None = None
     found: dict[str, IdentifiedModel | Refused] = {}
     swinging: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
@@ -197,6 +200,8 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         }
     if air is not None:
         noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
+        if not swinging and not still:
+            better = part("filters", lambda: filters(record, broken, unavailable), better)
         worked = part("motors", lambda: motors(record, mass_kg=known.get("m")), worked)
     unknown = VehicleReview(autopilot=record.source.format, firmware=record.source.firmware, kind="", frame="")
     # What the log does not say of the vehicle is a note of ``inspect``.
@@ -243,6 +248,7 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         oscillations=swinging,
         calm=calm,
         control=control,
+        filters=better,
     )
     commands = part("next_commands", lambda: (next_commands(record, reviewed), ()), names)
     return replace(

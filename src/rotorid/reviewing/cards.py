@@ -30,6 +30,7 @@ from rotorid.reviewing.card import (
     lower_first,
     together,
 )
+from rotorid.reviewing.filters import filter_card
 from rotorid.reviewing.motors import EVEN, possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
@@ -50,6 +51,7 @@ def cards(review: Review) -> tuple[Card, ...]:
         _tracking(review),
         _margins(review),
         _noise(review),
+        filter_card(review),
         _motors(review),
         _power(review),
         _models(review),

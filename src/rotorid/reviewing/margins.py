@@ -74,6 +74,8 @@ def _review(flight: FlightData, loop: RateLoop) -> MarginReview:
         explained=loop.check.correlation,
         stick_idle=loop.measured.idle,
         verdict=loop.verdict,
+        plant=loop.plant,
+        source=loop.measured.source,
     )
 
 

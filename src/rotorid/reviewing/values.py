@@ -21,10 +21,12 @@ from rotorid.errors import FaultError, InsufficientDataError, RotoridError, reas
 from rotorid.flights.motor_balance import BalanceChange
 from rotorid.flights.oscillations import OscillationReview
 from rotorid.flights.whole_flights import Instrument
+from rotorid.loops.filter_choice import FilterProposal
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
 from rotorid.signal.control import Control
 from rotorid.tuning.judging import LoopVerdict
+from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.differences import Verdict
 from rotorid.uncertainty.next_flight import NextFlight
@@ -214,6 +216,8 @@ class MarginReview(Immutable):
         Whether the stick of the axis barely moved, so that gusts alone show the loop.
     verdict
         That on the flown gains, as ``tune --judge`` gives it; ``None`` where there are not enough data.
+    plant, source
+        Likely plants, and where their rate stands in the log; ``None`` where a loop was read elsewhere.
     """
 
     axis: Axis
@@ -229,6 +233,8 @@ class MarginReview(Immutable):
     explained: float | None = None
     stick_idle: bool = False
     verdict: LoopVerdict | None = None
+    plant: UncertainPlant | None = None
+    source: str = ""
 
     def __post_init__(self) -> None:
         require_figures("margins", self.numbers)
@@ -455,7 +461,8 @@ class Review(Immutable):
     looked for where ``models_sought`` is false; ``unsupported`` names those that the log does not support, as
     ``inspect`` answers. ``oscillations`` are axes that swing by themselves, ``calm`` those that were checked and do
     not. ``control`` is a loss of control, a hard landing or an end in the air. ``baseline`` compares with earlier
-    flights, where some were given.
+    flights, where some were given. ``filters`` are those to fly, or that the flown ones stay; ``None`` where the log
+    does not show which.
     """
 
     name: str
@@ -478,6 +485,7 @@ class Review(Immutable):
     control: Control | None = None
     tracking: Mapping[str, TrackingReview] = field(default_factory=dict)
     baseline: BaselineReview | None = None
+    filters: FilterProposal | None = None
 
     def __post_init__(self) -> None:
         self._set(tracking=self.tracking, loops=self.loops, margins=self.margins, models=self.models)

@@ -16,12 +16,16 @@ from rotorid.errors import UsageError
 from rotorid.models.autopilots.betaflight_settings import is_type, types_of
 from rotorid.models.autopilots.settings import Version, version_of
 
-Role: TypeAlias = Literal["proposed", "thrust", "rollback"]
+Role: TypeAlias = Literal["proposed", "thrust", "rollback", "filters", "filters_rollback"]
 
 _REAL32, _INT32 = 9, 6
 
 _WHOLE = ("IMU_GYRO_RATEMAX", "IMU_GYRO_DNF_EN", "IMU_GYRO_DNF_HMC", "IMU_GYRO_FFT_EN")
 """Parameters of PX4 that are whole numbers, among those that a loop has."""
+
+_HIDDEN = ("INS_HNTCH_", "INS_HNTC2_")
+_LOAD_TWICE = "# load it, restart the autopilot, load it again: a notch has its parameters only after it is enabled"
+"""ArduPilot hides parameters of what is off."""
 
 _OLDEST_NAMES, _NEWEST_NAMES = (4, 0), (2025, 12)
 """Versions of Betaflight whose settings are known: since 2025 they are named by year and month."""
@@ -39,7 +43,8 @@ def parameter_files(
     values
         Parameters of the firmware by name.
     role
-        ``proposed`` for new gains, ``thrust`` for another curve of thrust, ``rollback`` for what was flown.
+        ``proposed`` for new gains, ``thrust`` for another curve of thrust, ``rollback`` for what was flown; ``filters``
+        and ``filters_rollback`` for filters alone.
     firmware
         As the log names it; Betaflight's settings have names by version.
     profile
@@ -72,6 +77,8 @@ _WORDS: Mapping[Role, str] = {
     "proposed": "gains proposed by rotorid",
     "thrust": "thrust linearization, with the flown gains adapted to it: fly it alone",
     "rollback": "flown values, to go back",
+    "filters": "filters proposed by rotorid, for the flown gains",
+    "filters_rollback": "flown filters, to go back",
 }
 
 
@@ -89,7 +96,9 @@ def _shell(values: Mapping[str, float]) -> str:
 
 
 def _mission_planner(values: Mapping[str, float], role: Role) -> str:
-    lines = [f"# {_WORDS[role]}", *(f"{name},{float(np.float32(value)):.9g}" for name, value in values.items())]
+    hidden = any(name.startswith(_HIDDEN) and name.endswith("_ENABLE") and value for name, value in values.items())
+    lines = [f"# {_WORDS[role]}", *([_LOAD_TWICE] if hidden else [])]
+    lines += [f"{name},{float(np.float32(value)):.9g}" for name, value in values.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -110,7 +119,7 @@ def _betaflight(values: Mapping[str, float], role: Role, firmware: str, profile:
         sliders += [f"set simplified_{kind}_filter = OFF" for kind in ("dterm", "gyro") if _has(values, kind)]
     selected = "# first select the PID profile and rate profile that were flown" if profile is None else ""
     lines = [f"# {_WORDS[role]}", selected or f"# profile {profile}"]
-    if role == "rollback" and sliders:
+    if role.endswith("rollback") and sliders:
         lines += ["# the sliders (simplified_...) stay off: if on, they would recompute the gains"]
     lines += ["batch start", *([] if profile is None else [f"profile {profile}"]), *sliders]
     lines += [f"set {name} = {_format_value(name, value, version)}" for name, value in values.items()]

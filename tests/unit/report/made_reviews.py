@@ -9,6 +9,7 @@ import numpy as np
 from rotorid.data.findings import warn
 from rotorid.data.quantity import Quantity
 from rotorid.data.response import FrequencyResponse
+from rotorid.loops.filter_choice import FilterProposal, FilterSet
 from rotorid.models.controller import RateController
 from rotorid.reviewing.values import (
     FlightSummary,
@@ -24,6 +25,7 @@ from rotorid.reviewing.values import (
     Unavailable,
     VehicleReview,
 )
+from rotorid.typing import Axis
 
 OMEGA = np.geomspace(0.7, 200.0, 55)
 
@@ -113,6 +115,22 @@ def noise_map(stage: str) -> NoiseMap:
     )
 
 
+def kept_filters() -> FilterProposal:
+    """The flown filters of a quiet vehicle."""
+    axes: tuple[Axis, ...] = ("roll", "pitch", "yaw")
+    flown = FilterSet(changes=(), powers={axis: np.full(10, 9e-6) for axis in axes}, costs_deg={})
+    return FilterProposal(
+        need="",
+        flown=flown,
+        proposed=flown,
+        offered={"IMU_GYRO_CUTOFF": 40.0},
+        parts=(),
+        rms=flown.rms,
+        saves_percent=Quantity(value=0.0, std=0.0, lower=0.0, upper=0.0, unit="%"),
+        verdicts={},
+    )
+
+
 def made_review(name: str = "flight.ulg") -> Review:
     return Review(
         name=name,
@@ -151,6 +169,7 @@ def made_review(name: str = "flight.ulg") -> Review:
             means={f"motor_{n}": Quantity.normal(0.4 + 0.02 * n, 0.004, "1") for n in range(1, 5)},
             numbers={"imbalance": Quantity.normal(0.05, 0.006, "1"), "headroom": Quantity.normal(0.5, 0.01, "1")},
         ),
+        filters=kept_filters(),
         cannot_tell=(
             Unavailable(
                 what="loops.r.rise_time_s",

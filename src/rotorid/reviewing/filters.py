@@ -1,0 +1,146 @@
+"""Filters of a review: which to fly against the noise of a flight, its card, and its files with a way back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rotorid.data.display import capital, counted, listed
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.gyro_noise import gyro_noise
+from rotorid.loops.filter_choice import NOISY, FilterProposal, KnownLoop, propose_filters
+from rotorid.models.autopilots.betaflight_settings import command_line_name
+from rotorid.reviewing.card import Card, State, together
+from rotorid.reviewing.values import MarginReview, Review, Unavailable
+from rotorid.tuning.files import parameter_files
+from rotorid.typing import Axis
+
+if TYPE_CHECKING:
+    from rotorid.autopilots.notches import FilterGroup
+
+TITLE = "Are the filters right?"
+
+_SCALE = f"below {100.0 * NOISY:g} % is quiet"
+
+_WORDS: Mapping[FilterGroup, str] = {
+    "moving notch": "a notch that follows the motors",
+    "fixed notch": "a notch at the resonance",
+    "gyro low-pass": "another gyro low-pass",
+    "D low-pass": "another D low-pass",
+}
+
+
+def filters(
+    record: FlightRecord, margins: Mapping[Axis, MarginReview], unmeasured: Sequence[Unavailable] = ()
+) -> tuple[FilterProposal | None, tuple[Unavailable, ...]]:
+    """Filters to fly with the flown gains, and why none are known.
+
+    Parameters
+    ----------
+    margins
+        Of the axes that were measured: the phase that a filter costs counts at their crossover.
+    unmeasured
+        What the flight does not show, margins among it.
+    """
+    loops = _loops(margins)
+    try:
+        return propose_filters(record, gyro_noise(record), loops), ()
+    except InsufficientDataError as error:
+        # Without margins, what would measure them is the one thing to do.
+        known = {"roll", "pitch"} & loops.keys()
+        of_margins = (gap.remedy for gap in unmeasured if gap.what.startswith("margins") and gap.remedy)
+        remedy = error.remedy if known else next(of_margins, error.remedy)
+        return None, (Unavailable(what="filters", why=f"{capital(error.came)}.", remedy=remedy),)
+
+
+def _loops(margins: Mapping[Axis, MarginReview]) -> dict[Axis, KnownLoop]:
+    return {
+        axis: KnownLoop(
+            plant=margin.plant, source=margin.source, crossover_rad_s=margin.numbers["crossover_rad_s"].value
+        )
+        for axis, margin in margins.items()
+        if margin.plant is not None and margin.verdict is not None and "crossover_rad_s" in margin.numbers
+    }
+
+
+def filter_files(review: Review) -> dict[str, str]:
+    """Files with the proposed filters, and with the flown ones to go back; none where the flown ones stay."""
+    found = review.filters
+    if found is None or not found.changed:
+        return {}
+    pairs = {command_line_name(name): both for part in found.parts for name, both in part.values.items()}
+    values = {name: new for name, (_, new) in pairs.items()}
+    flown = {name: before for name, (before, _) in pairs.items() if before is not None}
+    # A notch that was off has no parameters in the log: switched off again, the rest of them does not matter.
+    try:
+        return {
+            name: text
+            for role, of_role in (("filters", values), ("filters_rollback", flown))
+            for name, text in parameter_files(
+                review.vehicle.autopilot,
+                of_role,
+                role=role,  # type: ignore[arg-type]
+                firmware=review.vehicle.firmware,
+            ).items()
+        }
+    except UsageError:
+        return {}
+
+
+def filter_card(review: Review) -> Card:
+    """Whether the filters fit the noise, what better ones save and cost, or why that is not known."""
+    found = review.filters
+    if review.oscillations:
+        return Card(key="filters", title=TITLE, state="cannot", headline="Not judged while an axis oscillates.")
+    if found is None:
+        gap = next((gap for gap in review.cannot_tell if gap.what == "filters"), None)
+        why = "This log does not show what the filters do." if gap is None else gap.why
+        return Card(
+            key="filters",
+            title=TITLE,
+            state="cannot",
+            headline=why,
+            remedy="" if gap is None else gap.remedy,
+        )
+    number = f"{100.0 * found.rms:.2g} % of the motor range"
+    unchecked = f"Not checked: {listed(list(found.unchecked))}." if found.unchecked else ""
+    card = Card(key="filters", title=TITLE, state="good", headline="", number=number, scale=_SCALE)
+    if found.changed:
+        return _with(card, "look", _changed_words(found), together(_settings(found), unchecked))
+    if found.need == "noise":
+        why = (
+            f"None was found that would help: {found.refused}." if found.refused else "None was found that would help."
+        )
+        advice = "Balance the propellers and mount the autopilot more softly."
+        return _with(card, "look", "Much noise reaches the motors.", together(why, advice, unchecked))
+    words = "Keep your filters: little noise reaches the motors."
+    return _with(card, "part" if found.unchecked else "good", words, unchecked)
+
+
+def _with(card: Card, state: State, headline: str, details: str) -> Card:
+    return replace(card, state=state, headline=headline, details=details)
+
+
+def _changed_words(found: FilterProposal) -> str:
+    what = listed([_WORDS[part.group] for part in found.parts])
+    worst = max(found.proposed.costs_deg.values(), key=lambda cost: cost.value)
+    if found.need == "margin":
+        more = -found.saves_percent.value
+        return f"{capital(what)} would give {-worst.value:.1f}° more phase margin, for {more:.0f} % more motor noise."
+    cost = f"for {worst.value:.1f}° of phase" if worst.value > 0.05 else "without a loss of phase"
+    return f"{capital(what)} would cut motor noise by {_percent(found.saves_percent)} {cost}."
+
+
+def _percent(quantity: Quantity) -> str:
+    return f"{quantity.value:.0f} % ({quantity.lower:.0f} to {quantity.upper:.0f} %)"
+
+
+def _settings(found: FilterProposal) -> str:
+    """What to set, all of it in the file too."""
+    values = [f"{command_line_name(name)} = {new:g}" for part in found.parts for name, (_, new) in part.values.items()]
+    shown = ", ".join(values[:6])
+    more = f" and {counted(len(values) - 6, 'more')}" if len(values) > 6 else ""
+    return f"Set {shown}{more}; the file filters has all of it, filters_rollback the way back."
