@@ -54,7 +54,7 @@ NAMES = {
     ("ardupilot", "yaw"): ("ATC_RAT_YAW_P", "ATC_RAT_YAW_I", "ATC_RAT_YAW_D", "ATC_ANG_YAW_P"),
 }
 AXES: tuple[Axis, ...] = ("roll", "yaw")
-RATE_OF = {"roll": "p", "yaw": "r"}
+RATE_OF = {"roll": "p", "pitch": "q", "yaw": "r"}
 SLUGGISH = 1.15
 MOST_PEAK = 1.75
 STABLE = 0.4
