@@ -92,6 +92,8 @@ class MeasuredPlant(Immutable):
         Whether the stick was idle but for short maneuvers.
     gusts
         Whether there were none of these either, so that gusts alone moved the axis.
+    gain_error
+        Relative error of the gain at all frequencies alike.
     """
 
     axis: Axis
@@ -103,6 +105,7 @@ class MeasuredPlant(Immutable):
     filters: tuple[KnownFilter, ...] = ()
     idle: bool = False
     gusts: bool = False
+    gain_error: float = 0.0
 
     @property
     def band_rad_s(self) -> tuple[float, float]:
@@ -466,7 +469,10 @@ def drawn_plant(measured: MeasuredPlant, *, draws: int = DRAWS, seed: int = 0) -
     )
     floor = GUSTS_FLOOR if measured.gusts else FLOOR
     plant = uncertain_plant(lag.response, ratio, band_rad_s=measured.band_rad_s, draws=draws, seed=seed, floor=floor)
-    return replace(plant, goes_on=lag.explains and not measured.idle)
+    misfits = plant.misfits
+    if measured.gain_error:
+        misfits = misfits + measured.gain_error * np.random.default_rng([seed, 1]).standard_normal((draws, 1))
+    return replace(plant, misfits=misfits, goes_on=lag.explains and not measured.idle)
 
 
 GUSTS_FLOOR = 0.1

@@ -1,0 +1,153 @@
+r"""The plant of an axis at the throttle of hover, from a flight whose throttle was chopped and pushed.
+
+Thrust that grows with the square of the output has a slope that grows with the throttle, and so has the torque of a
+command. With throttle :math:`\delta` relative to hover,
+
+.. math:: \dot p = g\,(1 + \kappa \delta)\, u, \qquad \delta = T / T_0 - 1
+
+A response averages that: while the throttle is cut, the loop is weak and its commands are large, so that vehicles
+without linear thrust read up to 15 % weak. Two inputs, :math:`u` and :math:`\delta u`, with two instruments, the stick
+and :math:`\delta` times the stick, give both gains; their first one over that of :math:`u` alone corrects the response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError
+from rotorid.flights.segments import cut
+from rotorid.flights.selection import by_stick
+from rotorid.loops.plants import MeasuredPlant
+from rotorid.signal.excitations import rich_excitations
+from rotorid.typing import ComplexArray, FloatArray
+
+_THROTTLE = "thrust_command"
+_STEADY = 0.05
+"""Standard deviation of the throttle over its median below which a response is that of the hover."""
+
+_WINDOW_S, _OVERLAP = 3.0, 4
+_FROM_RAD_S, _TO_RAD_S = 5.0, 40.0
+"""Where gains are compared: speed modes and leakage of short windows lie below, noise above."""
+
+_FEWEST_LINES, _GROUPS = 4, 8
+_UNSURE = 0.5
+"""Share of a correction that counts as its error: rotors at their limits and asymmetric lags are not in the model."""
+
+_LARGEST = 0.3
+"""Largest correction that is believed."""
+
+
+class _Spectra(NamedTuple):
+    """Windows by lines of the two instruments, the two inputs and the output over the measured response."""
+
+    instruments: ComplexArray
+    inputs: ComplexArray
+    output: ComplexArray
+
+
+def at_hover_throttle(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> MeasuredPlant:
+    """The plant with the gain that it has at the median throttle; as it was where sweeps show it, or nothing else can.
+
+    Parameters
+    ----------
+    plant
+        Measured over the parts in which the stick moves.
+    records
+        Its logs.
+
+    Returns
+    -------
+    MeasuredPlant
+        With ``gain_error``: the random error of the correction, and half of the correction.
+    """
+    axis = plant.axis
+    logs = [record for record in records if _THROTTLE in record.channel_names]
+    if not logs or any(rich_excitations(record, axis) for record in logs):
+        return plant
+    spectra = _spectra(plant, logs)
+    if spectra is None:
+        return plant
+    ratio = _hover_over_mean(spectra)
+    groups = np.array_split(np.arange(spectra.output.shape[0]), _GROUPS)
+    without = [_hover_over_mean(_left_out(spectra, group)) for group in groups]
+    random = float(np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((np.array(without) - np.mean(without)) ** 2)))
+    if not abs(ratio - 1.0) <= _LARGEST or not random < _LARGEST:
+        return replace(plant, gain_error=_LARGEST)
+    values = plant.response.values * ratio
+    error = float(np.hypot(random, _UNSURE * (ratio - 1.0)))
+    return replace(plant, response=replace(plant.response, values=values), gain_error=error)
+
+
+def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> _Spectra | None:
+    """Spectra of all windows; ``None`` where the throttle rests, or the flight is too short."""
+    command, rate = f"{plant.axis}_command", RATE_OF[plant.axis]
+    try:
+        segments, _ = cut(by_stick(records, (plant.axis,)), channels=(plant.channel, command, rate, _THROTTLE))
+    except InsufficientDataError:
+        return None
+    histories = [segment.history for segment in segments]
+    throttle = np.concatenate([history[_THROTTLE] for history in histories])
+    hover = float(np.median(throttle))
+    if hover <= 0.0 or not np.std(throttle) > _STEADY * hover:
+        return None
+    sample_s = 1.0 / histories[0].sample_rate_hz
+    count = round(_WINDOW_S / sample_s)
+    omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, sample_s))
+    low, high = plant.band_rad_s
+    lines = np.flatnonzero((omega >= max(low, _FROM_RAD_S)) & (omega <= min(high, _TO_RAD_S)))
+    if lines.size < _FEWEST_LINES:
+        return None
+    found: list[list[ComplexArray]] = [[] for _ in range(5)]
+    for history in histories:
+        apart = history[_THROTTLE] / hover - 1.0
+        stick, asked = history[plant.channel], history[command]
+        for rows, values in zip(found, (stick, apart * stick, asked, apart * asked, history[rate]), strict=True):
+            rows.append(_windows(values, count)[:, lines])
+    rows = [np.concatenate(row) for row in found]
+    if len(rows[0]) < 2 * _GROUPS:
+        return None
+    response = _between(plant, omega[lines])
+    return _Spectra(np.array(rows[:2]), np.array(rows[2:4]), rows[4] / response)
+
+
+def _windows(values: FloatArray, count: int) -> ComplexArray:
+    taper = np.hanning(count)
+    starts = range(0, values.size - count + 1, count // _OVERLAP)
+    parts = np.array([values[start : start + count] for start in starts]).reshape(-1, count)
+    return np.asarray(np.fft.rfft(taper * (parts - parts.mean(axis=1, keepdims=True)), axis=1))
+
+
+def _between(plant: MeasuredPlant, omega_rad_s: FloatArray) -> ComplexArray:
+    """The measured response at lines inside its band."""
+    at, values = np.log(plant.response.omega_rad_s), plant.response.values[0, 0]
+    size = np.interp(np.log(omega_rad_s), at, np.log(np.abs(values)))
+    phase = np.interp(np.log(omega_rad_s), at, np.unwrap(np.angle(values)))
+    return np.asarray(np.exp(size + 1j * phase))
+
+
+def _left_out(spectra: _Spectra, group: FloatArray) -> _Spectra:
+    kept = np.setdiff1d(np.arange(spectra.output.shape[0]), group)
+    return _Spectra(spectra.instruments[:, kept], spectra.inputs[:, kept], spectra.output[kept])
+
+
+def _hover_over_mean(spectra: _Spectra) -> float:
+    """Gain of the command at hover over that of the command alone, over all lines, the coherent ones first."""
+    z, u, y = spectra
+    power = np.mean(np.abs(z) ** 2, axis=1)
+    cross = np.einsum("iwl,jwl->ijl", z.conj(), u) / len(y)
+    answer = np.einsum("iwl,wl->il", z.conj(), y) / len(y)
+    command = np.mean(np.abs(u[0]) ** 2, axis=0)
+    coherent = np.abs(cross[0, 0]) ** 2 / (power[0] * command)
+    # Equations of each instrument by its own power and the command's, so that every line counts by its coherence.
+    weight = np.sqrt(coherent / (power * command))
+    rows, right = cross * weight[:, None], answer * weight
+    normal = np.einsum("ijl,ikl->jk", rows.conj(), rows).real
+    both = np.linalg.solve(normal, np.einsum("ijl,il->j", rows.conj(), right).real)
+    alone = np.sum(rows[0, 0].conj() * right[0]).real / np.sum(np.abs(rows[0, 0]) ** 2)
+    return float(both[0] / alone)

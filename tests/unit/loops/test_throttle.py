@@ -1,0 +1,95 @@
+"""The gain of a plant at hover, from a rate loop whose thrust slope grows with a throttle that is chopped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.excitation.sticks import everyday_stick
+from rotorid.loops.plants import MeasuredPlant, drawn_plant, identified_plant
+from rotorid.loops.throttle import at_hover_throttle
+
+RATE_HZ, DURATION_S = 400.0, 60.0
+GAIN, LAG_S, HOVER = 150.0, 0.02, 0.4
+
+
+def flown(*, slope: float, chopped: bool = True) -> FlightRecord:
+    """p' = g (1 + slope δ) u behind a lag, held by a rate loop that a stick moves, in gusts."""
+    rng = np.random.default_rng(7)
+    step_s = 1.0 / RATE_HZ
+    count = round(DURATION_S * RATE_HZ)
+    stick = everyday_stick(level=0.8, duration_s=DURATION_S, sample_rate_hz=RATE_HZ, rng=rng)
+    throttle = np.full(count, HOVER)
+    at = 2.0
+    while chopped and at < DURATION_S - 2.0:
+        span = slice(round(at * RATE_HZ), round((at + rng.uniform(0.3, 1.0)) * RATE_HZ))
+        throttle[span] = HOVER * rng.choice([0.35, 1.6])
+        at += rng.uniform(1.0, 2.5)
+    gusts = rng.standard_normal(count)
+    rate, made, blown = 0.0, 0.0, 0.0
+    table = np.zeros((4, count))
+    for place in range(count):
+        asked = 3.0 * stick[place]
+        command = 0.14 * (asked - rate)
+        table[:, place] = rate, asked, command, throttle[place]
+        made += step_s / LAG_S * ((1.0 + slope * (throttle[place] / HOVER - 1.0)) * command - made)
+        blown += step_s / 0.3 * (8.0 * gusts[place] - blown)
+        rate += step_s * (GAIN * made + blown)
+    names = ("p", "p_setpoint", "roll_command", "thrust_command")
+    whole = ((0.0, DURATION_S - step_s),)
+    return FlightRecord(
+        source=Source(name=f"slope {slope}", format="twin", sha256=f"{slope}{chopped}"),
+        topics=(
+            Topic(
+                name="loops",
+                time_s=np.arange(count) * step_s,
+                channels=tuple(Channel(name=name, unit=STANDARD_UNITS[name]) for name in names),
+                values=table,
+            ),
+        ),
+        status=Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="twin", direct_rates=whole),
+    )
+
+
+def over_truth(plant: MeasuredPlant) -> float:
+    """Median gain around the crossover over the one at hover."""
+    omega = plant.response.omega_rad_s
+    inside = (omega > 5.0) & (omega < 40.0)
+    truth = GAIN / (1j * omega * (1.0 + 1j * omega * LAG_S))
+    return float(np.median(np.abs(plant.response.values[0, 0] / truth)[inside]))
+
+
+def test_a_chopped_throttle_reads_weak_and_is_corrected() -> None:
+    record = flown(slope=1.0)
+    mean = identified_plant("roll", [record])
+    assert mean is not None
+    hover = at_hover_throttle(mean, [record])
+    assert over_truth(mean) < 0.95
+    assert over_truth(hover) == pytest.approx(1.0, abs=0.03)
+    assert hover.gain_error >= 0.5 * abs(over_truth(hover) / over_truth(mean) - 1.0)
+
+
+def test_intervals_are_wider_by_the_error_of_the_correction() -> None:
+    record = flown(slope=1.0)
+    hover = at_hover_throttle(identified_plant("roll", [record]), [record])  # type: ignore[arg-type]
+    omega = np.array([10.0, 20.0])
+    truth = np.abs(GAIN / (1j * omega * (1.0 + 1j * omega * LAG_S)))
+    gains = np.median(np.abs(drawn_plant(hover).drawn(omega)) / truth, axis=1)
+    assert np.quantile(gains, 0.025) < 1.0 < np.quantile(gains, 0.975)
+
+
+def test_thrust_that_is_linear_needs_no_correction() -> None:
+    record = flown(slope=0.0)
+    mean = identified_plant("roll", [record])
+    assert mean is not None
+    hover = at_hover_throttle(mean, [record])
+    assert over_truth(hover) == pytest.approx(over_truth(mean), abs=0.01)
+    assert hover.gain_error < 0.01
+
+
+def test_a_steady_throttle_changes_nothing() -> None:
+    record = flown(slope=1.0, chopped=False)
+    mean = identified_plant("roll", [record])
+    assert mean is not None
+    assert at_hover_throttle(mean, [record]) is mean
