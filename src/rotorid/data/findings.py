@@ -416,6 +416,12 @@ KINDS: Mapping[str, Kind] = {
     "gains_out_of_range": Kind(
         "warning", "Gains outside the usual range", "A gain lies outside the range that its firmware recommends."
     ),
+    "feedforward_changes": Kind(
+        "info", "Feed-forward changes", "Judged gains change the feed-forward of the stick, which moves no margin."
+    ),
+    "gains_read": Kind(
+        "info", "How gains were read", "The PID profile, options and sliders that count in a file of gains."
+    ),
     "gains_left_out": Kind(
         "info",
         "Parameters were not judged",

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
@@ -23,9 +24,17 @@ from rotorid.errors import InsufficientDataError, UsageError, nearest_name
 from rotorid.models.autopilots import betaflight
 from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
+from rotorid.models.autopilots.betaflight_sliders import D_IS_BASE_SINCE
 from rotorid.models.autopilots.gains import ahead_of, letter_of, parameters_of
 from rotorid.models.autopilots.outer import OUTER_LOOPS, as_logged, outer_names, outer_settings
-from rotorid.models.autopilots.settings import AxisController, Parameter, Version, loop_settings, version_of
+from rotorid.models.autopilots.settings import (
+    AxisController,
+    Parameter,
+    Version,
+    loop_settings,
+    version_of,
+    versions_of,
+)
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.flown_gains import FlownLoop, at_ends
 from rotorid.proposing.outer import with_values
@@ -165,7 +174,25 @@ def load_gains(path: Path | str) -> GainFile:
         raise UsageError(
             f"{place.name} is too large for a file of gains", needed=f"{LARGEST_BYTES // 10**6} MB at most"
         )
-    return read_gains(data.decode("utf-8", errors="replace"), name=place.name)
+    return read_gains(
+        data.decode("utf-8", errors="replace"), name=place.name, include=partial(_included_preset, place.resolve())
+    )
+
+
+_PRESET_FILE = re.compile(r"presets/[^\\:]{1,200}\.txt")
+
+
+def _included_preset(place: Path, named: str) -> str:
+    """The content of a preset by its path in the collection that the including preset is part of."""
+    for folder in place.parents if _PRESET_FILE.fullmatch(named) else ():
+        file = (folder / named).resolve()
+        if file.is_relative_to(folder) and file.is_file() and file.stat().st_size <= LARGEST_BYTES:
+            return file.read_bytes().decode("utf-8", errors="replace")
+    raise UsageError(
+        f"{place.name} includes {named}, which is not there",
+        needed="all lines of the preset",
+        remedy="keep the preset in its folder of firmware-presets, or paste the lines that it includes",
+    )
 
 
 OuterOf: TypeAlias = Callable[[LoopName, Mapping[str, float]], KnownAxis]
@@ -213,14 +240,19 @@ def judge_gains(
     findings: list[Finding] = []
     axes: dict[LoopName, AxisJudgment] = {}
     flown = {axis: one.flown for axis, one in known.items()}
+    if first := next(iter(flown.values()), None):
+        _require_same_version(gains, first)
+        gains, how = gains.on(first.record.parameters, version_of(first.controller.firmware))
+        findings += [remark("gains_read", gains.name, how)] if how else []
     values = _values(gains, (*known, *refused), flown)
     logged = next((one.record.parameters for one in flown.values()), {})
     values = as_logged(values, logged)
     wanted = _axes_of(gains, values)
-    if gains.defaults_first or len(gains.values) > _WHOLE_FILE:
+    if not gains.preset and (gains.defaults_first or len(gains.values) > _WHOLE_FILE):
         _require_whole(gains, flown)
     for axis, one in known.items():
         left_out = _require_same_vehicle(gains, values, one.flown)
+        left_out += _ahead_of_loops(gains, values, one.flown.record)
         findings += [finding for finding in left_out if finding not in findings]
         if axis in wanted:
             then = one.flown.with_parameters(with_values(one.flown.record, values))
@@ -253,6 +285,24 @@ _OF_PITCH = re.compile(r"MC_PITCH\w+|ATC_(?:RAT|ANG)_PIT_\w+|pitchPID_\w|(?:d_m.
 _OF_YAW = re.compile(r"MC_YAW\w+|ATC_(?:RAT|ANG)_YAW_\w+|yawPID_\w|(?:d_m..|ff_weight)_2")
 _NAMES_OF: Mapping[Axis, re.Pattern[str]] = MappingProxyType({"roll": _OF_ROLL, "pitch": _OF_PITCH, "yaw": _OF_YAW})
 """What firmware calls the gains of an axis."""
+
+
+_STICK_AHEAD = "ff_weight"
+"""Feed-forward of Betaflight, of the stick alone; that of PX4 and ArduPilot is inside the angle loop, and judged."""
+
+
+def _ahead_of_loops(gains: GainFile, values: Mapping[str, float], record: FlightRecord) -> list[Finding]:
+    """A remark on feed-forward of the stick that changes: no margin depends on it."""
+    changed = [
+        gains.written.get(name, name)
+        for name, value in values.items()
+        if name.startswith(_STICK_AHEAD) and not _is_same(value, record.parameters.get(name, value))
+    ]
+    if not changed:
+        return []
+    names = ", ".join(changed)
+    message = f"{names}: feed-forward changes how the vehicle follows the stick, but no margin."
+    return [remark("feedforward_changes", gains.name, message)]
 
 
 def _axes_of(gains: GainFile, values: Mapping[str, float]) -> tuple[Axis, ...]:
@@ -307,7 +357,7 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
                 needed="gains of this vehicle",
                 remedy="put only gains and filters into the file to judge them on this vehicle",
             )
-    left_out = []
+    left_out, unlogged = [], []
     few = len(values) <= _WHOLE_FILE
     then = _merged(record, values, flown)
     understood = {*record.parameters, *then.gains, *as_in_header(dict.fromkeys(flown.controller.gains, 0.0))}
@@ -315,6 +365,9 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
         if name in understood or name.startswith(_HIDDEN):
             continue
         written = gains.written.get(name, name)
+        if name in _OF_PLANT:
+            unlogged.append(written)
+            continue
         near = nearest_name(written, [*flown.controller.gains, *flown.controller.filters]) if few else ""
         # Firmware that has no such parameter ignores it, or means something else by it.
         if near or name.startswith(_GAIN_STEMS) or (few and loop_settings({name: 0.0})):
@@ -326,21 +379,26 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
         left_out.append(written)
     if not loop_settings(values) and not outer_settings(values):
         raise UsageError(f"{gains.name} contains no gain and no filter of {autopilot}", needed="gains or filters")
-    if not left_out or not few:
-        return []
-    names = ", ".join(sorted(left_out)[:6])
-    return [remark("gains_left_out", gains.name, f"No rate or angle loop depends on {names}; these were not judged.")]
+    found = []
+    if unlogged:
+        message = f"The log does not contain {', '.join(unlogged)}; judged as if the file does not change them."
+        found.append(warn("gains_left_out", gains.name, message))
+    if left_out and few:
+        names = ", ".join(sorted(left_out)[:6])
+        message = f"No rate or angle loop depends on {names}; these were not judged."
+        found.append(remark("gains_left_out", gains.name, message))
+    return found
 
 
 def _require_same_version(gains: GainFile, flown: FlownLoop) -> None:
-    theirs, ours = version_of(gains.firmware), version_of(flown.controller.firmware)
-    if gains.autopilot != betaflight.NAME or theirs is None or ours is None:
+    theirs, ours = versions_of(gains.firmware), version_of(flown.controller.firmware)
+    if gains.autopilot != betaflight.NAME or not theirs or ours is None:
         return
 
     def generation(version: Version) -> int:
-        return sum(version >= change for change in betaflight.CHANGES)
+        return sum(version >= change for change in (*betaflight.CHANGES, D_IS_BASE_SINCE))
 
-    if generation(theirs) != generation(ours):
+    if generation(ours) not in {generation(version) for version in theirs}:
         raise UsageError(
             f"{gains.name} is from {gains.firmware}, but {flown.record.source.name} from Betaflight {ours[0]}.{ours[1]}"
             ", which computes the controller in another way from these settings",
@@ -464,13 +522,19 @@ def _lower(
 
     for factor in _LESS:
         for knob in _KNOBS:
-            changed = {letter: factor * getattr(gains, letter) for letter in knob if getattr(gains, letter) > 0.0}
-            if not changed or not all(letter in named for letter in changed):
+            letters = [letter for letter in knob if getattr(gains, letter) > 0.0]
+            if not letters or not all(letter in named for letter in letters):
                 continue
+            changed = {letter: _lowered(named[letter], factor * getattr(gains, letter)) for letter in letters}
             less = replace(gains, **changed)
             if flies(few, less) and flies(plant, less):
                 return {named[letter].name: value / named[letter].per_si for letter, value in changed.items()}
     return {}
+
+
+def _lowered(parameter: Parameter, gain: float) -> float:
+    """A gain that its parameter can have, not above the given one."""
+    return math.floor(gain / parameter.per_si) * parameter.per_si if parameter.integer else gain
 
 
 def _require_not_negative(gains: GainFile, record: FlightRecord, values: Mapping[str, float]) -> None:

@@ -241,3 +241,69 @@ def test_gains_that_nobody_flew_are_told_apart(
     assert good
     assert set(bad) == {"do_not_fly"}
     assert set(good) <= {"fly", "gently"}
+
+
+def test_a_preset_is_judged_by_its_sliders_and_only_for_its_versions(tmp_path: Path) -> None:
+    even = ("i_gain", "d_gain", "pi_gain", "dmax_gain", "feedforward_gain", "pitch_d_gain", "pitch_pi_gain")
+    record = log(
+        {
+            **BETAFLIGHT,
+            **dict.fromkeys((f"simplified_{name}" for name in even), 100.0),
+            "simplified_dterm_filter": 0.0,
+            "simplified_gyro_filter": 0.0,
+            **{f"{axis}PID_{letter}": 45.0 for axis in ("pitch", "yaw") for letter in "PID"},
+            **{f"{name}_{axis}": 30.0 for name in ("d_min", "ff_weight") for axis in range(3)},
+        },
+        "Betaflight 4.4.3",
+    )
+    folder = tmp_path / "presets" / "4.4"
+    folder.mkdir(parents=True)
+    (folder / "defaults.txt").write_text("set simplified_pids_mode = RPY\nset d_roll = 40\n")
+    file = folder / "tune.txt"
+    preset = (
+        "#$ FIRMWARE_VERSION: 4.4\n#$ INCLUDE: presets/4.4/defaults.txt\n"
+        "set simplified_master_multiplier = 130\nsimplified_tuning apply\n"
+    )
+    file.write_text(preset)
+    found = judge_gains(load_gains(file), {"roll": known("roll", record)}, {})
+    roll = found.axes["roll"]
+    assert (roll.parameters["p_roll"][1], roll.parameters["d_roll"][1], roll.parameters["d_min_roll"][1]) == (
+        58,
+        52,
+        39,
+    )
+    assert "its sliders make the gains" in found.findings[0].message
+    file.write_text(preset.replace("4.4/", "4.4/no"))
+    with pytest.raises(UsageError, match=r"includes presets/4.4/nodefaults.txt, which is not there"):
+        load_gains(file)
+    file.write_text(preset.replace("VERSION: 4.4", "VERSION: 2025.12"))
+    with pytest.raises(UsageError, match=r"from Betaflight 2025.12, but flight.log from Betaflight 4.4"):
+        judge_gains(load_gains(file), {"roll": known("roll", record)}, {})
+
+
+def test_feedforward_of_the_stick_changes_no_margin_and_is_named() -> None:
+    record = log({**BETAFLIGHT, "ff_weight_0": 120.0}, "Betaflight 4.4.3")
+    found = judge("set f_roll = 60\nset p_roll = 45", record=record)
+    roll = found.axes["roll"]
+    np.testing.assert_allclose(roll.judged.whole.sensitivity_peak, roll.flown.whole.sensitivity_peak, rtol=1e-12)
+    assert "f_roll: feed-forward changes how the vehicle follows the stick" in found.findings[-1].message
+
+
+def test_feedforward_inside_of_the_angle_loop_counts() -> None:
+    record = log({**PX4, "MC_ROLLRATE_FF": 0.0})
+    roll = judge("MC_ROLLRATE_FF,0.1", record=record).axes["roll"]
+    assert np.median(roll.judged.whole.sensitivity_peak) > 1.1 * np.median(roll.flown.whole.sensitivity_peak)
+    np.testing.assert_allclose(roll.judged.rate.sensitivity_peak, roll.flown.rate.sensitivity_peak, rtol=1e-12)
+
+
+def test_what_the_log_does_not_contain_of_the_vehicle_is_named() -> None:
+    record = log(BETAFLIGHT, "Betaflight 4.4.3")
+    (found,) = judge("set p_roll = 50\nset thrust_linear = 0", record=record).findings
+    assert found.message == "The log does not contain thrust_linear; judged as if the file does not change them."
+
+
+def test_what_to_lower_is_a_whole_number_where_the_firmware_has_only_those() -> None:
+    roll = judge("set p_roll = 249\nset d_roll = 7", record=log(BETAFLIGHT, "Betaflight 4.4.3")).axes["roll"]
+    assert roll.verdict == "do_not_fly"
+    assert roll.lower
+    assert all(value == pytest.approx(round(value), abs=1e-9) for value in roll.lower.values())

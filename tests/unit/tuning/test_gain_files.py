@@ -97,9 +97,80 @@ def test_telemetry_tools_and_lines_by_hand() -> None:
         ("# Betaflight / OMNIBUS (OBF4) 3.5.7 Mar\nset p_roll = 40", "Betaflight 3.5, whose gains have other units"),
         ("set p_roll = forty", "p_roll in line 1 of x is 'forty'"),
         ("set p_roll 40\nset d_roll = 30", "line 1 of x cannot be read"),
-        ("profile 0\nset p_roll = 40\nprofile 1\nset p_roll = 50", "2 PID profiles and selects none"),
+        ("set simplified_master_multiplier = 120", "moves sliders and applies them to no gain"),
+        (
+            "#$ INCLUDE: presets/4.5/tune/defaults.txt\nset p_roll = 40",
+            "line 1 of x includes presets/4.5/tune/defaults",
+        ),
     ],
 )
 def test_what_is_damaged_or_of_another_program_is_named(text: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         read_gains(text, name="x")
+
+
+PRESET = """#$ TITLE: A tune
+#$ FIRMWARE_VERSION: 4.4
+#$ FIRMWARE_VERSION: 4.5
+#$ CATEGORY: TUNE
+#$ INCLUDE: presets/4.5/tune/defaults.txt
+set p_roll = 50
+feature -GPS
+#$ OPTION_GROUP BEGIN (EXCLUSIVE): Battery
+    #$ OPTION BEGIN (CHECKED): 4S
+        set simplified_master_multiplier = 120
+        set dterm_lpf2_static_hz = 120
+    #$ OPTION END
+    #$ OPTION BEGIN (UNCHECKED): 6S
+        #$ INCLUDE: presets/4.5/tune/nowhere.txt
+        set simplified_master_multiplier = 90
+    #$ OPTION END
+#$ OPTION_GROUP END
+"""
+DEFAULTS = "#$ FIRMWARE_VERSION: 4.5\nset p_roll = 45\nset simplified_pids_mode = RP\nset dterm_lpf2_static_hz = 150\n"
+
+
+def test_a_preset_counts_with_its_checked_options_and_what_it_includes() -> None:
+    found = read_gains(PRESET, name="tune.txt", include={"presets/4.5/tune/defaults.txt": DEFAULTS}.__getitem__)
+    assert (found.preset, found.options, found.firmware) == (True, ("4S",), "Betaflight 4.4, 4.5")
+    # Later lines win, and sliders that are not applied change nothing.
+    assert dict(found.values) == {"rollPID_P": 50.0, "dterm_lpf2_static_hz": 120.0}
+    assert found.sliders is None
+
+
+def test_applied_sliders_make_the_gains_and_lines_after_them_win() -> None:
+    text = f"{PRESET}simplified_tuning apply\nset i_roll = 70\n"
+    found = read_gains(text, name="tune.txt", include={"presets/4.5/tune/defaults.txt": DEFAULTS}.__getitem__)
+    assert found.sliders == {"simplified_pids_mode": 1.0, "simplified_master_multiplier": 120.0}
+    even = ("i_gain", "d_gain", "pi_gain", "dmax_gain", "feedforward_gain", "pitch_d_gain", "pitch_pi_gain")
+    flown = dict.fromkeys((f"simplified_{name}" for name in even), 100.0)
+    flown |= {
+        "simplified_dterm_filter": 1.0,
+        "simplified_dterm_filter_multiplier": 110.0,
+        "simplified_gyro_filter": 0.0,
+    }
+    there, how = found.on(flown, (4, 5))
+    assert how == "tune.txt: its checked options count (4S); its sliders make the gains."
+    assert (there.values["rollPID_P"], there.values["rollPID_I"], there.values["rollPID_D"]) == (53.0, 70.0, 47.0)
+    assert (there.values["d_min_0"], there.values["ff_weight_1"]) == (35.0, 149.0)
+    assert there.values["dterm_lpf2_static_hz"] == 165.0
+    assert "yawPID_P" not in there.values
+    with pytest.raises(UsageError, match="simplified_pi_gain is neither in the file nor in the log"):
+        found.on({}, (4, 5))
+
+
+def test_presets_that_include_each_other_end() -> None:
+    with pytest.raises(UsageError, match="includes too many presets"):
+        read_gains(
+            "#$ INCLUDE: a\nset p_roll = 4", name="x", include=lambda name: f"#$ INCLUDE: {name}\nset i_roll = 4"
+        )
+
+
+def test_of_profiles_without_a_selection_the_flown_one_counts() -> None:
+    text = "set gyro_lpf1_static_hz = 250\nprofile 0\nset p_roll = 40\nprofile 1\nset p_roll = 50\nset d_min_roll = 20"
+    found = read_gains(text, name="dump.txt")
+    there, how = found.on({"rollPID_P": 50.0}, (4, 5))
+    assert dict(there.values) == {"gyro_lpf1_static_hz": 250.0, "rollPID_P": 50.0, "d_min_0": 20.0}
+    assert how == "dump.txt: it selects no PID profile, so profile 1 counts: it has the gains of the log."
+    with pytest.raises(UsageError, match="2 PID profiles, selects none of them, and none has the gains of the log"):
+        found.on({"rollPID_P": 60.0}, (4, 5))

@@ -149,6 +149,17 @@ def version_of(firmware: str) -> Version | None:
     return (int(found[1]), int(found[2])) if found else None
 
 
+def versions_of(text: str) -> tuple[Version, ...]:
+    """All versions in a text.
+
+    Examples
+    --------
+    >>> versions_of("Betaflight 2025.12, 2026.6")
+    ((2025, 12), (2026, 6))
+    """
+    return tuple((int(major), int(minor)) for major, minor in _VERSION.findall(text))
+
+
 def present(parameters: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
     """Those of some parameters that a log holds."""
     return {name: float(parameters[name]) for name in names if name in parameters}
