@@ -26,6 +26,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.errors import InsufficientDataError
+from rotorid.fitting.frequency.pole_order import with_faster_motor
 from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem
 from rotorid.fitting.frequency.starts import own_starts, start_values
 from rotorid.fitting.least_squares import (
@@ -53,8 +54,8 @@ def fit_frequency(
 
     The structure's own start values are tried first, where they are any good, then those that the data give. A start
     that ends no lower than the best so far, and no higher, ends the search if the cost is acceptable. Of minima with
-    one cost the first counts, so that the data do not swap two poles of the structure. Other minima that were met
-    are kept in ``others`` of the solution.
+    one cost the first counts, so that the data do not swap two poles of the structure; where they did, the motor is
+    made the faster one again. Other minima that were met are kept in ``others`` of the solution.
 
     Parameters
     ----------
@@ -89,7 +90,11 @@ def fit_frequency(
         again = solution.outcome is Outcome.CONVERGED and same_cost(solution.cost, lowest)
         if again and solution.cost <= acceptable:
             break
-    return best_of(found, name=problem.structure.name)
+    best = best_of(found, name=problem.structure.name)
+    exchanged = with_faster_motor(problem, best.theta)
+    if exchanged is None:
+        return best
+    return best_of([solver.minimize(problem.residuals, exchanged, *problem.box), *found], name=problem.structure.name)
 
 
 def _starts(problem: FrequencyProblem, count: int) -> Iterator[FloatArray]:
