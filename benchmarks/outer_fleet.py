@@ -2,9 +2,9 @@
 
 The vehicles, their rate gains and their air are those of :mod:`benchmarks.tuning_fleet`, holding velocity and position
 with gains of PX4's and ArduPilot's defaults times 0.4 to 1.8. Each sweeps roll and pitch to 120 rad/s, and ``tune``
-sees these two logs: attitude loops come from the sweeps, drag from the whole flight. It proposes gains of roll, pitch and
-velocity at once. Figures of the velocity and position loops are those of the simulator's exact plant with the proposed
-gains in *all* loops; a second flight holds its place in other gusts, and may not be lost.
+sees these two logs: attitude loops come from the sweeps, drag from both flights. It proposes gains of all three at
+once. Figures of the velocity and position loops are those of the simulator's exact plant with the proposed gains in
+*all* loops; a second flight holds its place in other gusts, and may not be lost.
 
 Run ``python -m benchmarks.outer_fleet [VEHICLES [PROCESSES]]``, 60 vehicles of each kind by default.
 """

@@ -339,7 +339,9 @@ def known_outer(loop: LoopName, flown: OuterMaterial, new: OuterMaterial) -> tup
     parts = own.parts(omega)
     plants, before = PLANTS[loop](new), PLANTS[loop](flown)
     axis = max(plants, key=lambda name: _peak(before[name], parts, own))
-    findings = [_other_axis(loop, axis)] if axis and len(plants) == 1 else []
+    findings = [_unchecked(own)]
+    if axis and len(plants) == 1:
+        findings.append(_other_axis(loop, axis))
     known = KnownAxis(
         flown=own,
         plant=plants[axis],
@@ -360,10 +362,18 @@ def _peak(plant: UncertainPlant, parts: ControllerParts, own: LoggedOuter) -> fl
 
 def _other_axis(loop: LoopName, axis: str) -> Finding:
     return remark(
-        "one_axis",
+        "plant_of_choice",
         loop,
         f"Only {axis} was measured, so {loop} is judged through {axis} alone; the other axis flies the same gains.",
     )
+
+
+def _unchecked(own: LoggedOuter) -> Finding:
+    message = (
+        f"The gains of {own.axis} are those of the parameters of {own.record.source.name}; whether they made its "
+        "set-points was not checked."
+    )
+    return remark("controller_unchecked", own.axis, message)
 
 
 def with_values(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:

@@ -51,6 +51,11 @@ def answer_of(axis: LoopName, *, whole: bool) -> str:
     return KINDS[axis].angle if whole and is_outer(axis) else axis
 
 
+def amplified(axis: LoopName) -> str:
+    """What a loop near its limit amplifies."""
+    return "slow swings" if is_outer(axis) else "shaking"
+
+
 def shaking(axis: LoopName) -> str:
     """What a loop near its limit does."""
     return f"slow swings of the {KINDS[axis].angle}" if is_outer(axis) else f"{axis} shaking"

@@ -21,7 +21,7 @@ from rotorid.documents.tune import (
 from rotorid.models.autopilots.gains import letter_of
 from rotorid.models.autopilots.outer import outer_loop_of
 from rotorid.plot.curves import Frequency
-from rotorid.report.loop_words import both_loops, is_outer, loop_words, motion_of, shaking
+from rotorid.report.loop_words import amplified, both_loops, is_outer, loop_words, motion_of, shaking
 from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.proposal import Wishes
@@ -183,7 +183,8 @@ def _because(axis: LoopName, found: AxisJudgedDocument) -> str:
         f"above {REFUSED_PEAK:g} is too much" if found.verdict == "do_not_fly" else f"up to {SAFE_PEAK:g} is no concern"
     )
     loops = f"{both_loops(axis)} amplify" if whole else f"the {loop_words(axis)['rate']} amplifies"
-    return f": on a likely vehicle ({deviation}) {loops} shaking at {at} {plant.sensitivity_peak:.1f} times; {scale}"
+    times = f"{plant.sensitivity_peak:.1f} times"
+    return f": on a likely vehicle ({deviation}) {loops} {amplified(axis)} at {at} {times}; {scale}"
 
 
 def _signed(value: float) -> str:
