@@ -25,6 +25,7 @@ from rotorid.data.quantity import (
     with_interval,
     with_unit,
 )
+from rotorid.data.trust import SAFE_PEAK, SAFE_PHASE_MARGIN_DEG
 from rotorid.errors import UsageError
 
 Part: TypeAlias = Literal[
@@ -241,13 +242,12 @@ _TRACKING = {
     "tracking_delay_s": FigureOfMerit(words="delay behind the set-point", unit="ms", factor=1e3),
 }
 
-# Beyond its limit of phase margin or M_s a rate loop rings, and has little left for a heavier day or a weaker battery.
 _MARGINS = {
     "phase_margin_deg": FigureOfMerit(
         health="",
         words="phase margin",
         unit="°",
-        good_above=40.0,
+        good_above=SAFE_PHASE_MARGIN_DEG,
         card="margins",
         trouble="The {axis} loop is close to oscillation. More gain or stronger filters would make it shake.",
         whether=_FAR_FROM_OSCILLATION,
@@ -259,7 +259,7 @@ _MARGINS = {
         health="a loose part, or more lag",
         words="peak sensitivity M_s",
         short="M_s",
-        good_below=2.0,
+        good_below=SAFE_PEAK,
         card="margins",
         trouble="The {axis} loop amplifies some disturbances {value} times. Lower the gains, or reduce the delay.",
         whether=_FAR_FROM_OSCILLATION,

@@ -50,7 +50,14 @@ FITTED_SHARE = 0.7
 """Share of the requested octaves below which a finding says how little of them could be fitted."""
 
 ROBUSTNESS = 1.7
-"""Largest sensitivity peak of a loop that is asked of gains, unless another one is."""
+"""Largest sensitivity peak of a loop that is asked of new gains, unless another one is."""
+
+SAFE_PEAK, SAFE_PHASE_MARGIN_DEG = 2.0, 40.0
+"""Sensitivity peak up to which, and phase margin from which, gains that fly are fine: beyond, a loop rings, and has
+little left for a heavier day or a weaker battery. What is asked of new gains leaves a reserve to these."""
+
+REFUSED_PEAK, REFUSED_QUANTILE = 2.4, 0.9
+"""Sensitivity peak above which gains are not to be flown, and the quantile of the likely plants that counts."""
 
 COMMAND_NOISE = 2.0
 """Noise of the command that is asked of gains at most, as a factor on that of the flown ones."""

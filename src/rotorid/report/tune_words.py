@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rotorid.data.display import capital, listed
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, significant, with_unit
-from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
+from rotorid.data.trust import COMMAND_NOISE, REFUSED_PEAK, ROBUSTNESS, SAFE_PEAK
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import (
@@ -22,7 +22,7 @@ from rotorid.models.autopilots.gains import letter_of
 from rotorid.models.autopilots.outer import outer_loop_of
 from rotorid.plot.curves import Frequency
 from rotorid.report.loop_words import amplified, both_loops, is_outer, loop_words, motion_of, shaking
-from rotorid.tuning.judging import REFUSED_PEAK, SAFE_PEAK, Verdict
+from rotorid.tuning.judging import Verdict
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import LoopName

@@ -25,7 +25,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.trust import COMMAND_NOISE
+from rotorid.data.trust import COMMAND_NOISE, REFUSED_PEAK, REFUSED_QUANTILE, SAFE_PEAK
 from rotorid.tuning.loops import HIGHEST_RAD_S, LoopFigures, loop_figures
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import ComplexArray, FloatArray
@@ -39,11 +39,8 @@ VERDICT_NAMES: Mapping[Verdict, str] = MappingProxyType(
 )
 """What each verdict is called in tables."""
 
-REFUSED_PEAK, REFUSED_QUANTILE = 2.4, 0.9
-"""Sensitivity peak above which gains are refused, and the quantile of the likely plants that counts."""
-
-SAFE_PEAK, SAFE_QUANTILE = 2.0, 0.95
-"""The same for gains to fly without reserve."""
+SAFE_QUANTILE = 0.95
+"""Quantile of the likely plants that counts for gains to fly without reserve."""
 
 UNCERTAIN = 0.1
 """Relative error of the plant, in gain or in rad, above which a peak there was not measured."""

@@ -27,7 +27,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.trust import COMMAND_NOISE, ROBUSTNESS
+from rotorid.data.trust import (
+    COMMAND_NOISE,
+    REFUSED_PEAK,
+    REFUSED_QUANTILE,
+    ROBUSTNESS,
+    SAFE_PEAK,
+    SAFE_PHASE_MARGIN_DEG,
+)
 from rotorid.models.controller import RateController
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import (
@@ -58,7 +65,7 @@ _GOAL_UP = 16.0
 """Largest factor between flown gains and the goal of several flights: four doublings."""
 
 _MOST = 0.5
-"""Share of the draws on which flown gains must break a limit, where the plant was not measured."""
+"""Share of the draws on which flown gains must break a limit that is fine."""
 
 _CALMER = 0.1
 """Share of an integral that no longer makes a loop oscillate."""
@@ -676,14 +683,27 @@ def _step_down(gains: Gains, flown: Gains, wishes: Wishes) -> Gains:
     return Gains(**{**found, **kept})
 
 
+def _limits_of_flown(wishes: Wishes, sensitivity_peak: float, phase_margin_deg: float) -> Wishes:
+    """Limits of gains that fly already; of another robustness than the usual one they move by the same share."""
+    usual = Wishes()
+    return replace(
+        wishes,
+        sensitivity_peak=wishes.sensitivity_peak * sensitivity_peak / usual.sensitivity_peak,
+        phase_margin_rad=wishes.phase_margin_rad * math.radians(phase_margin_deg) / usual.phase_margin_rad,
+    )
+
+
 def _broken_limit(flown: Judged, plant: UncertainPlant, wishes: Wishes) -> str:
     """The limit that the flown gains break, in words; empty where they keep all.
 
-    Where the plant was not measured at their crossover, its draws are wide: then half of them must break the limit, or
-    every badly measured loop would be slowed down.
+    As every command answers it: they are not fine where half of the plants say so, and not to be flown where a tenth
+    of them says that. Where the plant was not measured at their crossover, its draws are wide, and the tenth does not
+    count, or every badly measured loop would be slowed down.
     """
-    within_band = flown.rate.usual_crossover_rad_s <= plant.band_rad_s[1]
-    return _broken(flown, wishes, share=2.0 * QUANTILE if within_band else _MOST)
+    likely = _broken(flown, _limits_of_flown(wishes, SAFE_PEAK, SAFE_PHASE_MARGIN_DEG), share=_MOST)
+    if likely or flown.rate.usual_crossover_rad_s > plant.band_rad_s[1]:
+        return likely
+    return _broken(flown, _limits_of_flown(wishes, REFUSED_PEAK, 0.0), share=1.0 - REFUSED_QUANTILE)
 
 
 def newly_broken_limit(flown: Judged, then: Judged, plant: UncertainPlant, wishes: Wishes) -> str:

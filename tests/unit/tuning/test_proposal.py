@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rotorid.data.trust import REFUSED_PEAK, REFUSED_QUANTILE, ROBUSTNESS, SAFE_PEAK
 from rotorid.models.controller import RateController
 from rotorid.tuning import (
     ControllerParts,
@@ -132,6 +133,21 @@ def test_hot_gains_come_down() -> None:
     assert np.median(found.flown.whole.sensitivity_peak) > 1.8
     assert np.quantile(found.proposed.whole.sensitivity_peak, 0.95) <= 1.75
     assert any("today M_s" in reason for reason in found.reasons)
+
+
+def test_flown_gains_are_fine_up_to_where_every_command_calls_them_so() -> None:
+    """Gains come down where half of the plants are above 2, or a tenth above 2.4, and not for being above 1.7."""
+    best = propose("roll", known(), FLOWN).proposed.gains
+    found_peaks = []
+    for factor in (1.1, 1.2, 1.3, 1.5, 1.8):
+        hot = Gains(P=factor * best.P, I=best.I, D=factor * best.D, A=best.A).on(FLOWN)
+        found = propose("roll", known(), hot, wishes=Wishes(most_up=1.0))
+        peaks = np.maximum(found.flown.rate.sensitivity_peak, found.flown.whole.sensitivity_peak)
+        lowered = any("today M_s" in reason for reason in found.reasons)
+        assert lowered == (np.median(peaks) > SAFE_PEAK or np.quantile(peaks, REFUSED_QUANTILE) > REFUSED_PEAK)
+        assert found.better <= 1.0 or lowered
+        found_peaks.append(float(np.median(peaks)))
+    assert any(ROBUSTNESS < peak < SAFE_PEAK for peak in found_peaks)
 
 
 def test_proposed_gains_stay_when_they_are_flown() -> None:
