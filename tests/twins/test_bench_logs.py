@@ -15,10 +15,13 @@ import pytest
 import rotorid
 from rotorid.data.record import FlightRecord
 from rotorid.documents.base import to_json
-from rotorid.documents.result import result_document
+from rotorid.documents.compare import compare_document
+from rotorid.documents.result import result_document, save
+from rotorid.documents.vehicle import named_vehicle
 from rotorid.errors import UsageError
 from rotorid.flying.flown_models import fly_log
 from rotorid.plot.paper import bode_figure
+from rotorid.report.compare import shared_rows
 from rotorid.report.parts import parameter_rows
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.excitations import find_excitations
@@ -224,3 +227,24 @@ def test_an_angle_that_drifts_off_is_no_fault_of_the_model(held: tuple[FlightRec
     assert "--pieces SECONDS" in said.message
     assert pieces.stretches[0].scores["phi"].nrmse_fit_percent > 30.0
     assert "open_loop_diverges" not in {finding.kind for finding in pieces.findings}
+
+
+def test_a_comparison_shows_no_number_that_the_data_do_not(tmp_path: Path) -> None:
+    models = []
+    for seed in (1, 2):
+        (tmp_path / str(seed)).mkdir()
+        models.append(rotorid.identify([logged(tmp_path / str(seed), "V", seed=seed)], "rig.roll", outputs=("phi",)))
+    document = compare_document(rotorid.compare(models))
+    rows = {row.name: row for row in shared_rows(document)}
+    for name in ("J_x", "K_f"):
+        assert [cell.text for cell in rows[name].values] == ["not identified"] * 2
+        assert [cell.text for cell in rows[name].distances] == ["", ""]
+        assert not any(value.identified for value in document.parameters[name].values.values())
+    assert "σ" in rows["tau_3"].distances[1].text
+
+
+def test_a_rig_gets_no_wings_from_a_vehicle(tmp_path: Path) -> None:
+    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    save(model, tmp_path / "rig")
+    with pytest.raises(UsageError, match=r"is a rig on a pivot, which does not fly.*leave out --like"):
+        named_vehicle([str(tmp_path / "rig")], like="px4_quad")

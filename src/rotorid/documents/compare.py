@@ -20,7 +20,7 @@ from rotorid.identifying.cross_validation import signal_scores
 from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
 from rotorid.results.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
-from rotorid.results.verdicts import verdict
+from rotorid.results.verdicts import has_value, verdict
 from rotorid.uncertainty.differences import Difference, Verdict, differences
 from rotorid.verification.fixed_parameters import Kind
 
@@ -62,12 +62,14 @@ class ComparedValueDocument(Document):
     ``z`` is its difference from that of the first result that has it, over the standard deviation of a difference of
     independent estimates; of a number that cannot change sign, of their logarithms. Results that were fitted to a log
     in common are not independent, and a delay beside a lag is another number than one alone: there it is ``null``.
-    ``verdict`` says whether it changed, by the rule of ``fleet``.
+    ``verdict`` says whether it changed, by the rule of ``fleet``. ``identified`` is false where others compensate for
+    any change of the parameter: the value is where the search began.
     """
 
     value: float
     std: float | None
     status: Status
+    identified: bool = True
     z: float | None = None
     verdict: Verdict | None = None
 
@@ -230,7 +232,12 @@ def _parameters(entries: Sequence[Entry]) -> dict[str, ComparedParameterDocument
     return {
         name: ComparedParameterDocument(
             unit=unit,
-            values={label: _value(estimate, answers.get((name, label))) for label, estimate in values.items()},
+            values={
+                label: _value(
+                    estimate, answers.get((name, label)), identified=_identified(name, estimate, known[label])
+                )
+                for label, estimate in values.items()
+            },
         )
         for name, (unit, values) in found.items()
     }
@@ -240,6 +247,7 @@ def _independent(
     name: str, values: Mapping[str, ParameterEstimate], entries: Mapping[str, Entry]
 ) -> Iterator[tuple[str, str]]:
     """The first result that has an error, with each that measured the same number on other logs."""
+    values = {label: estimate for label, estimate in values.items() if _identified(name, estimate, entries[label])}
     first = next((label for label, estimate in values.items() if estimate.std), None)
     if first is None:
         return
@@ -252,15 +260,20 @@ def _independent(
             yield first, label
 
 
+def _identified(name: str, estimate: ParameterEstimate, entry: Entry) -> bool:
+    return has_value(name.partition(" ")[0], estimate, entry.model.findings)
+
+
 def _estimate(estimate: ParameterEstimate) -> tuple[float, float]:
     return estimate.value, estimate.std or 0.0
 
 
-def _value(estimate: ParameterEstimate, difference: Difference | None) -> ComparedValueDocument:
+def _value(estimate: ParameterEstimate, difference: Difference | None, *, identified: bool) -> ComparedValueDocument:
     return ComparedValueDocument(
         value=estimate.value,
         std=estimate.std,
         status=estimate.status,
+        identified=identified,
         z=None if difference is None else finite(difference.distance),
         verdict=None if difference is None else difference.verdict,
     )

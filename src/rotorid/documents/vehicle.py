@@ -744,6 +744,13 @@ def named_vehicle(
         raise UsageError(f"{others[0]} and {results[0]} cannot be combined", needed="results of one vehicle only")
     from rotorid.documents.results import load_results
 
+    if named_rig(results) is not None:
+        raise UsageError(
+            f"{results[0]} is a rig on a pivot, which does not fly"
+            + (f": {like} cannot give it what it lacks" if like else ""),
+            needed="results of a vehicle in flight",
+            remedy="leave out --like: a rig is planned and simulated by itself" if like else "",
+        )
     models = load_results(results)
     base = None if like is None else named_vehicle([like]).entry
     own = own_vehicle(

@@ -30,7 +30,7 @@ from rotorid.report.files import write_together
 from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
 from rotorid.results.summary import METHODS, PoleEstimate
-from rotorid.results.verdicts import Verdict, badge
+from rotorid.results.verdicts import NOT_IDENTIFIED, Verdict, badge
 from rotorid.verification.fixed_parameters import FixedParameterScores
 
 _KINDS = {"each": "on each", "leave_one_out": "leave one out"}
@@ -163,6 +163,8 @@ def _shared_row(name: str, parameter: ComparedParameterDocument, labels: list[st
         found = parameter.values.get(label)
         if found is None:
             return Cell(MISSING)
+        if not found.identified:
+            return Cell(NOT_IDENTIFIED)
         return Cell("dropped" if found.status == "dropped" else with_error(found.value, found.std))
 
     def distance(label: str) -> Cell:
