@@ -42,6 +42,7 @@ from rotorid.flights.selection import (
     whole_record,
 )
 from rotorid.flights.sensors import corrected_record, sensor_correction, with_sensor_errors
+from rotorid.io.pool import pool
 from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import AxisLoop, axis_loop, beyond_band
 from rotorid.results.model import Records, Segment
@@ -126,7 +127,14 @@ def choose(
     if len(flown) < 2:
         return ManeuverChoice(candidates=tuple(_plain(item) for item in flown), findings=())
     _PROGRESS.info("coherence of each maneuver")
-    return _by_coherence([_candidate(item, inputs, outputs, settings) for item in flown])
+    with pool(settings.workers) as workers:
+        each = workers.shared(_EachCoherence(tuple(flown), tuple(inputs), outputs, settings))
+        found = (map if workers.executor is None else workers.executor.map)(each, range(len(flown)))
+        candidates = [
+            Candidate(record=item.record, maneuver=item.maneuver, coherence=own)
+            for item, own in zip(flown, found, strict=True)
+        ]
+    return _by_coherence(candidates)
 
 
 def _given(records: Sequence[FlightRecord], axes: Sequence[Axis], settings: ResponseSettings) -> list[Flight]:
@@ -173,8 +181,23 @@ def _plain(flown: Flight) -> Candidate:
     return Candidate(record=flown.record, maneuver=flown.maneuver, coherence={})
 
 
-def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings) -> Candidate:
-    """A maneuver with the coherence that it has alone, to the input of its own axis."""
+@dataclass(frozen=True)
+class _EachCoherence:
+    """The coherence of one of the maneuvers by its place: what a worker answers, since a log is large."""
+
+    flown: tuple[Flight, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    settings: ResponseSettings
+
+    def __call__(self, place: int) -> dict[str, float]:
+        return _coherence(self.flown[place], self.inputs, self.outputs, self.settings)
+
+
+def _coherence(
+    flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], settings: ResponseSettings
+) -> dict[str, float]:
+    """The coherence that a maneuver has alone, to the input of its own axis; empty where it cannot be judged."""
     own = tuple(name for name in inputs if name == f"{flown.axis}_command") or tuple(inputs)
     direct = (
         replace(settings, instruments=(), windows_s=()) if len(own) < len(inputs) else replace(settings, windows_s=())
@@ -183,15 +206,14 @@ def _candidate(flown: Flight, inputs: Sequence[str], outputs: tuple[str, ...], s
         measured = measure([flown], inputs=own, outputs=outputs, settings=direct)
     except InsufficientDataError:
         # Too short or too still to be judged alone: it may still add to the others.
-        return _plain(flown)
+        return {}
     # That of input and output, with an instrument or without, so that maneuvers can be compared.
     response = measured.direct or measured.response
-    coherence = {
+    return {
         f"{output}/{name}": float(np.mean(response.coherence[y, u]))
         for y, output in enumerate(response.outputs)
         for u, name in enumerate(response.inputs)
     }
-    return Candidate(record=flown.record, maneuver=flown.maneuver, coherence=coherence)
 
 
 def _by_coherence(candidates: Sequence[Candidate]) -> ManeuverChoice:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from rotorid.data.trust import DIRECT_COHERENCE, JOINT_COHERENCE, least_coherence
 from rotorid.errors import UsageError
-from rotorid.settings.option import Option, Seed, Settings, Written, as_names, require_seed, require_words
+from rotorid.settings.option import (
+    Option,
+    Seed,
+    Settings,
+    Written,
+    as_names,
+    require_seed,
+    require_words,
+    require_workers,
+)
 from rotorid.settings.parsing import (
     BAND,
     FILTERS,
@@ -222,6 +231,8 @@ class ResponseSettings(MeasureSettings):
     correct_sensors
         Estimate scale, bias, misalignment and place of rate gyros and accelerometer by the kinematics, and take them
         out before anything is measured.
+    workers
+        Processes that measure the coherence of each maneuver; ``None`` for this one alone. Numbers are the same.
     """
 
     correct_filters: Annotated[
@@ -237,3 +248,12 @@ class ResponseSettings(MeasureSettings):
         ),
         Written("given"),
     ] = False
+    workers: Annotated[
+        int | None,
+        Option("--workers", "Processes for logs with several maneuvers. [default: this one alone]", "Data"),
+        Written("never"),
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_workers(self.workers)

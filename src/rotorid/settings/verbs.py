@@ -24,7 +24,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "export": "delay-as-lag draws no-delay pade sample-rate to",
         "export vehicles": "name",
         "fleet": "again memory resume review scheduler timeout vehicles",
-        "identify fleet": "workers",
+        "identify response fleet": "workers",
         "fleet review": "models",
         "identify": "add-noise arm bootstrap constant cross-validate curve decoupled evaluations fix free known method "
         "pair predictor reduce rotor-diameter search speed-damping starts tie verify",

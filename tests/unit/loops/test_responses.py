@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rotorid.data.record import AXES, STANDARD_UNITS, Channel, FlightRecord, Source, Topic
+from rotorid.documents.base import to_json
 from rotorid.documents.response import ResponseDocument, response_document
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.loops.responses import Responses, refused_response, response, unit_of_ratio
@@ -137,6 +138,21 @@ def test_logs_of_two_axes_give_all_four_responses(roll: FlightRecord, pitch: Fli
     assert 0.0 <= pair.input_coherence["roll_command,pitch_command"] < 0.3
     assert {record.record for record in pair.records} == {"flight.csv", "pitch.csv"}
     assert all(record.coherence for record in pair.records)
+
+
+def test_workers_change_no_number(roll: FlightRecord) -> None:
+    alone, shared = (
+        response_document(response([roll], inputs=["roll_command"], outputs=["p"], workers=count))
+        for count in (None, 2)
+    )
+    assert len([record for record in alone.records if record.coherence]) == 2
+    # The number of workers is no setting of the result.
+    assert to_json(shared) == to_json(alone)
+
+
+def test_no_workers_are_none() -> None:
+    with pytest.raises(UsageError, match="--workers 0 is out of range"):
+        ResponseSettings(workers=0)
 
 
 def test_what_was_not_injected_counts_as_zero(roll: FlightRecord, pitch: FlightRecord) -> None:
