@@ -29,8 +29,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
 from rotorid.planning import aircraft_loop, rate_filters
 from rotorid.proposing import Foretold, check_tuning, tune
-from rotorid.simulation import Aircraft, Wind, changed, number_of
-from rotorid.simulation.multirotor_flight import LostError
+from rotorid.simulation import Aircraft, LostError, Wind, changed, number_of
 from rotorid.tuning import (
     ControllerParts,
     Gains,

@@ -25,7 +25,7 @@ from rotorid.flights.segments import cut
 from rotorid.flights.selection import by_stick
 from rotorid.loops.plants import MeasuredPlant
 from rotorid.signal.excitations import rich_excitations
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import ComplexArray, FloatArray, IntArray
 
 _THROTTLE = "thrust_command"
 _STEADY = 0.05
@@ -131,7 +131,7 @@ def _between(plant: MeasuredPlant, omega_rad_s: FloatArray) -> ComplexArray:
     return np.asarray(np.exp(size + 1j * phase))
 
 
-def _left_out(spectra: _Spectra, group: FloatArray) -> _Spectra:
+def _left_out(spectra: _Spectra, group: IntArray) -> _Spectra:
     kept = np.setdiff1d(np.arange(spectra.output.shape[0]), group)
     return _Spectra(spectra.instruments[:, kept], spectra.inputs[:, kept], spectra.output[kept])
 
