@@ -295,7 +295,13 @@ def _bursts(
 
 
 def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
-    """Channels that were logged too slowly, those of one rate together."""
+    """Channels that were logged too slowly, those of one rate together.
+
+    What answers a set-point of attitude, speed or place has the delay of a whole loop, which a slow log shows too.
+    """
+    slow_loop = any(name.endswith("_setpoint") for name in rates) and not any(
+        name.endswith("_command") or name.startswith(("motor_", "p_", "q_", "r_")) for name in rates
+    )
     fastest = max(rates.values())
     alike: dict[float, list[str]] = {}
     for name, rate in rates.items():
@@ -303,7 +309,7 @@ def _rate_findings(rates: Mapping[str, float]) -> list[Finding]:
     slow, slower = [], []
     for rate, names in alike.items():
         where, were = ", ".join(names), f"{listed(names)} {'was' if len(names) == 1 else 'were'}"
-        if rate < LOWEST_RATE_HZ:
+        if rate < LOWEST_RATE_HZ and not slow_loop:
             message = (
                 f"{were} logged at {rate:g} Hz; below {LOWEST_RATE_HZ:.0f} Hz neither motor lag nor delay of a small "
                 "multirotor can be seen."

@@ -106,6 +106,17 @@ def test_the_slowest_channel_sets_the_rate_and_is_named() -> None:
     assert kinds(made)["rate_too_low"] == pytest.approx({"rate_hz": 50.0, "fastest_hz": 400.0})
 
 
+@pytest.mark.parametrize(
+    ("names", "warned"),
+    [(("phi_setpoint", "phi"), False), (("p_setpoint", "p"), True), (("phi_setpoint", "roll_command"), True)],
+)
+def test_a_slow_log_shows_the_delay_of_a_whole_loop(names: tuple[str, str], warned: bool) -> None:
+    time_s = stamps(10.0)
+    flight = record(topic("slow", time_s, **{name: smooth(time_s) for name in names}))
+    made = resample(flight, channels=names, start_s=100.0, stop_s=119.0)
+    assert ("rate_too_low" in kinds(made)) == warned
+
+
 def test_a_follower_does_not_set_the_rate() -> None:
     fast, slow = stamps(200.0), stamps(10.0)
     flight = record(topic("fast", fast, p=smooth(fast)), topic("slow", slow, roll_excitation=slow))
