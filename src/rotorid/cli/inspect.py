@@ -159,7 +159,7 @@ def _print(
 ) -> None:
     """What the log is good for and what not, warnings, and what to do next; with ``verbose`` everything else too."""
     from rotorid.cli.console import output_console, print_findings, print_lines
-    from rotorid.report.inspection import further_findings
+    from rotorid.report.inspection import further_findings, good_with_options
 
     console = output_console()
 
@@ -172,6 +172,8 @@ def _print(
 
     say(_head(inspection))
     say(_good_for(inspection), "good for")
+    if with_options := [f"  {row.what}: {row.why}; {row.remedy}" for row in good_with_options(inspection)]:
+        say(with_options, "good for, with what the log does not say")
     if not_possible := list(_not_for(inspection)):
         say(not_possible, "not for")
     hertz = in_hertz(inspection)

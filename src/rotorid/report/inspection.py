@@ -90,12 +90,26 @@ def good_for(inspection: Inspection) -> tuple[tuple[str, str], ...]:
     return tuple((", ".join(models), words) for words, models in by.items())
 
 
+_OF_SIZE = ("--layout ", "--arm ")
+"""Options for what a table of numbers does not say: where the rotors are."""
+
+
+def good_with_options(inspection: Inspection) -> tuple[Unavailable, ...]:
+    """Models that lack nothing but the rotors' places, which an option gives: why, and what to type."""
+    return tuple(
+        Unavailable(what=model, why=support.because, remedy=support.remedy)
+        for model, support in inspection.supports.items()
+        if not support.possible and support.remedy.startswith(tuple(f"add {option}" for option in _OF_SIZE))
+    )
+
+
 def not_for(inspection: Inspection) -> tuple[Unavailable, ...]:
     """Models that a log does not support: why, and what to do; one row for those that differ in their axes alone."""
+    with_options = {row.what for row in good_with_options(inspection)}
     rows = merged_axes(
         Unavailable(what=model, why=support.because, remedy=support.remedy)
         for model, support in inspection.supports.items()
-        if not support.possible
+        if not support.possible and model not in with_options
     )
     if len(rows) == 1 and not good_for(inspection):
         return (replace(rows[0], what="any model"),)
@@ -127,6 +141,7 @@ def render_inspection(record: FlightRecord, inspection: Inspection) -> str:
         logs=[inspection.name, inspection.format],
         log=inspection,
         good_for=good_for(inspection),
+        good_with_options=good_with_options(inspection),
         not_for=not_for(inspection),
         topics=[list(rows) for _, rows in groupby(inspection.channels, key=lambda channel: channel.topic)],
         remarks=finding_rows(further_findings(inspection)),

@@ -337,6 +337,12 @@ _MOST_SAMPLES = 1_000_000
 """Samples of ordinary flying up to which its responses are measured here: some seconds of work."""
 
 
+_OF_LAYOUT = (
+    "add --layout quad.x (or quad.plus, hexa.x, …, or a TOML file of [[rotor]] tables) and --arm METERS: "
+    "rotorid identify {log} --model {model} --layout quad.x --arm METERS"
+)
+
+
 def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
     """A support, or the refusal with which ``identify`` would end before any fit.
 
@@ -369,6 +375,10 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
         findings = error.findings if isinstance(error, InsufficientDataError) else ()
         because, lacks = (findings[0].message, findings[0].kind) if findings else (error.came, "not_identifiable")
         remedy = error.remedy or support.remedy
+        if remedy and remedy in because:
+            because = because[: because.index(remedy)].rpartition(". ")[0]
+        if findings and findings[0].where == "rotor layout":
+            remedy = _OF_LAYOUT.format(log=record.source.name, model=model)
         return replace(support, possible=False, because=because.rstrip("."), remedy=remedy, by="", lacks=lacks)
     return support
 

@@ -172,6 +172,24 @@ def test_the_screen_groups_motors_and_shows_the_line_to_paste(tmp_path: Path) ->
     assert "motor_1…4" in rotorid("inspect", log, "-v").out
 
 
+def test_a_table_of_motors_and_rates_is_good_for_their_physics_with_a_layout(tmp_path: Path) -> None:
+    """Columns as an engineer writes them: nothing says where the rotors are, and two options do."""
+    rng, log = np.random.default_rng(3), tmp_path / "log.csv"
+    names = {**{f"motor_{n}": "1" for n in range(1, 5)}, **dict.fromkeys("pqr", "rad/s")}
+    names |= dict.fromkeys(("ax", "ay", "az"), "m/s^2")
+    time_s = np.arange(0.0, 30.0, 0.01)
+    table = [np.repeat(rng.uniform(0.45, 0.55, 300), 10) for _ in range(4)]
+    table += [0.2 * rng.standard_normal(time_s.size) for _ in "pqr"]
+    table += [0.2 * rng.standard_normal(time_s.size) - level for level in (0.0, 0.0, 9.81)]
+    header = ",".join(["time [s]", *(f"{name} [{unit}]" for name, unit in names.items())])
+    np.savetxt(log, np.column_stack([time_s, *table]), delimiter=",", header=header, comments="", fmt="%.5f")
+    ran = rotorid("inspect", log)
+    assert (ran.code, ran.err) == (0, "")
+    options = ran.out.partition("good for, with what the log does not say")[2].partition("not for")[0]
+    assert "rotorid identify log.csv --model physical.motors --layout quad.x --arm METERS" in options
+    assert "physical.motors" not in ran.out.partition("not for")[2]
+
+
 def test_flights_and_checks_are_shown() -> None:
     record = flight()
     time_s = record.topics[0].time_s
