@@ -107,11 +107,7 @@ def made(number: int, *, hard: bool) -> tuple[Aircraft, dict[str, dict[str, floa
     near["tau"] = number_of(craft, "tau") + rng.uniform(0.0, 0.008)
     if hard:
         near["T_motor_down"] = near["T_motor"] * rng.uniform(1.0, 2.0)
-    if craft.autopilot.kind == "ardupilot":
-        # The axes that are not tuned oscillate with the library's own gains, and no sweep of the third can be planned.
-        soft = [name for axis in ("RLL", "PIT", "YAW") for name in (f"ATC_RAT_{axis}_{letter}" for letter in "PID")]
-        own = craft.autopilot.parameters
-        craft = with_gains(craft, {name: STABLE * own[name] for name in soft}, source="the fleet")
+    craft = calmed(craft)
     rates = craft.autopilot.rates
     gains: dict[str, dict[str, float]] = {}
     for axis, index in (("roll", 0), ("yaw", 2)):
@@ -121,6 +117,18 @@ def made(number: int, *, hard: bool) -> tuple[Aircraft, dict[str, dict[str, floa
         gains[axis] = {name: float(f * one) for name, f, one in zip(names, factors, flown, strict=False) if one > 0.0}
     air = {"north": rng.uniform(0.0, 4.0) * (2.0 if hard else 1.0), "gusts": rng.uniform(0.2, 1.0)}
     return changed(craft, near), gains, air
+
+
+def calmed(craft: Aircraft) -> Aircraft:
+    """The vehicle with gains that are not near its limit, as those of the library's ArduPilot are.
+
+    Else the axes that are not tuned oscillate, and no sweep of the third can be planned.
+    """
+    if craft.autopilot.kind != "ardupilot":
+        return craft
+    own = craft.autopilot.parameters
+    names = [f"ATC_RAT_{axis}_{letter}" for axis in ("RLL", "PIT", "YAW") for letter in "PID"]
+    return with_gains(craft, {name: STABLE * own[name] for name in names}, source="the fleet")
 
 
 def fly(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from benchmarks.tuning_fleet import STABLE, exact_plant, made
+from benchmarks.tuning_fleet import calmed, exact_plant, made
 from benchmarks.tuning_fleet import fly as fly_axis
 
 import rotorid
@@ -223,15 +223,11 @@ YAWS = [
 @pytest.mark.parametrize(("vehicle", "given"), YAWS, ids=[vehicle for vehicle, _ in YAWS])
 def test_flown_yaw_is_that_of_the_simulator(vehicle: str, given: dict[str, float], tmp_path: Path) -> None:
     """Every filter of the yaw loop of each firmware counts: crossover and M_s within 3 %, phase margin within 1.5°."""
-    craft = aircraft(vehicle)
-    soft = {}
-    if craft.autopilot.kind == "ardupilot":
-        own = craft.autopilot.parameters
-        soft = {name: STABLE * own[name] for axis in ("RLL", "PIT") for name in (f"ATC_RAT_{axis}_{x}" for x in "PID")}
+    craft = calmed(aircraft(vehicle))
     if given:
         # Parameters are known as an autopilot's by its gain of roll.
-        own = {"MC_ROLLRATE_P": 0.15} if craft.autopilot.kind == "px4" else {}
-        craft = with_gains(craft, {**own, **soft, **given}, source="the test")
+        name = NAMES[craft.autopilot.kind][0]
+        craft = with_gains(craft, {name: craft.autopilot.parameters[name], **given}, source="the test")
     plan = plan_for(
         craft,
         PlanSettings(axes=("yaw",), shape="logarithmic_sweep", band_rad_s=(0.6, 60.0), duration_s=30.0, seed=4),

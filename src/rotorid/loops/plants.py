@@ -203,7 +203,7 @@ def plant_of_result(axis: Axis, model: IdentifiedModel, *, filters: Sequence[Kno
     channel = response.instruments[u] if len(response.instruments) == len(response.inputs) else ""
     return MeasuredPlant(
         axis=axis,
-        response=_at(selected(response, outputs=[rate], inputs=[command]), np.flatnonzero(used)),
+        response=random_errors_at(selected(response, outputs=[rate], inputs=[command]), np.flatnonzero(used)),
         instrument="injection" if is_injection(channel) else "excitation",
         channel=channel,
         source=model.provenance.sources.get(rate, ""),
@@ -239,10 +239,10 @@ def _used(response: FrequencyResponse, used: BoolArray, axis: Axis, channel: str
         raise PlantUnavailableError(
             f"{channel} explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", moved_stick(axis)
         )
-    return _at(response, rows)
+    return random_errors_at(response, rows)
 
 
-def _at(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
+def random_errors_at(response: FrequencyResponse, rows: IntArray) -> FrequencyResponse:
     """The response at some frequencies with its random error only; the floor adds other errors of the plant."""
     plain = replace(response, slope_changes=None, lean_errors=None, unchecked_errors=None, sensor_shapes=None)
     return at_points(plain, rows)

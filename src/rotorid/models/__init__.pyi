@@ -1,3 +1,4 @@
+from rotorid.models.autopilots.climb import acceleration_loop as acceleration_loop
 from rotorid.models.autopilots.layouts import layout_of as layout_of
 from rotorid.models.autopilots.layouts import mixer_of as mixer_of
 from rotorid.models.autopilots.reading import axis_controller as axis_controller

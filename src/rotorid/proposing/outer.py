@@ -16,7 +16,7 @@ Each outer loop is registered in :data:`PLANTS`, by what gives its plant; its na
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from rotorid.flights.tilt_drag import TiltDrag, tilt_drag_of
 from rotorid.models.autopilots.outer import outer_controller, outer_names, outer_settings, velocity_filters
 from rotorid.models.autopilots.settings import AxisController, loop_settings
 from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.climb import climb_plant, velocity_by_throttle
 from rotorid.results.model import IdentifiedModel
 from rotorid.signal.airborne import airborne
 from rotorid.tuning.kinds import KINDS
@@ -138,6 +139,8 @@ class OuterMaterial(Immutable):
         The loops inside, by axis.
     draws, seed
         Of the plant.
+    values
+        Parameters of a file that will fly in place of those of the log.
     """
 
     given: tuple[IdentifiedModel, ...]
@@ -145,9 +148,10 @@ class OuterMaterial(Immutable):
     inner: Mapping[Axis, InnerLoop]
     draws: int
     seed: int
+    values: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._set(given=tuple(self.given), logs=tuple(self.logs), inner=self.inner)
+        self._set(given=tuple(self.given), logs=tuple(self.logs), inner=self.inner, values=self.values)
 
 
 class Drag(NamedTuple):
@@ -278,7 +282,19 @@ def velocity_plant(inner: InnerLoop, drag: Drag, *, seed: int) -> UncertainPlant
     )
 
 
-PLANTS: dict[LoopName, Callable[[OuterMaterial], dict[str, UncertainPlant]]] = {"velocity": velocity_plants}
+def climb_plants(material: OuterMaterial) -> dict[str, UncertainPlant]:
+    """Vertical velocity by the acceleration asked for, see :mod:`rotorid.proposing.climb`."""
+    record = flown_outer("climb", material.logs).record
+    velocity = velocity_by_throttle(material.given, material.logs, draws=material.draws, seed=material.seed)
+    parameters = {**record.parameters, **material.values}
+    plant = climb_plant(velocity, record, parameters, seed=material.seed, judged=bool(material.values))
+    return {"": plant}
+
+
+PLANTS: dict[LoopName, Callable[[OuterMaterial], dict[str, UncertainPlant]]] = {
+    "velocity": velocity_plants,
+    "climb": climb_plants,
+}
 """What gives the plants of an outer loop, by the axis through which each acts; an empty name where there is none."""
 
 

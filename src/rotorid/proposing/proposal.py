@@ -296,7 +296,7 @@ def tune(
             findings += [finding for finding in remarks if finding not in findings]
     cascade = _Cascade(given, logs, chosen, dict(known))
     verdict = None
-    if foreign is not None and (known or (chosen.outer and cascade.known)):
+    if foreign is not None and (known or chosen.outer):
         verdict = judge_gains(
             foreign,
             known or cascade.known,
@@ -405,19 +405,20 @@ class _Cascade:
             axis: InnerLoop(one, Gains.of(one.flown.with_parameters(then[axis]).controller), then[axis])
             for axis, one in self.known.items()
         }
-        return known_outer(loop, self._material(self._flown), self._material(new))[0]
+        return known_outer(loop, self._material(self._flown), self._material(new, values))[0]
 
     @property
     def _flown(self) -> dict[Axis, InnerLoop]:
         return {axis: InnerLoop(one, one.gains) for axis, one in self.known.items()}
 
-    def _material(self, inner: Mapping[Axis, InnerLoop]) -> OuterMaterial:
+    def _material(self, inner: Mapping[Axis, InnerLoop], values: Mapping[str, float] | None = None) -> OuterMaterial:
         return OuterMaterial(
             given=self._given,
             logs=self._logs,
             inner=inner,
             draws=self._settings.draws,
             seed=self._settings.seed,
+            values=values or {},
         )
 
 

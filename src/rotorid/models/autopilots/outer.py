@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 from rotorid.autopilots.ardupilot.autopilot import ARDUPILOT
 from rotorid.autopilots.px4.autopilot import PX4
+from rotorid.models.autopilots.climb import CLIMB, read_climb
 from rotorid.models.autopilots.settings import AxisController, Parameter, present
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import LoopFilter
@@ -148,6 +149,7 @@ GENERATIONS: dict[LoopName, tuple[Generation, ...]] = {
         _of_ardupilot("PSC_NE_VEL_", "PSC_NE_POS_P"),
         _of_ardupilot("PSC_VELXY_", "PSC_POSXY_P"),
     ),
+    "climb": tuple(Generation(*row) for row in CLIMB),
 }
 """Every generation that has an outer loop, newest names first."""
 
@@ -224,7 +226,12 @@ def _read_velocity(known: Generation, parameters: Mapping[str, float], loop_rate
     return replace(own, derivative_cutoff_hz=filters[3], late_integral=True, step_s=step_s, delay_s=0.5 * step_s)
 
 
-READERS: dict[LoopName, Reader] = {"velocity": _read_velocity}
+def _read_climb(known: Generation, parameters: Mapping[str, float], loop_rate_hz: float | None) -> RateController:
+    names = {letter: one.name for letter, one in known.gains.items()}
+    return read_climb(names, parameters, position_rate_hz=loop_rate_hz or position_step_hz(parameters))
+
+
+READERS: dict[LoopName, Reader] = {"velocity": _read_velocity, "climb": _read_climb}
 """What makes a controller of the parameters of a loop."""
 
 
