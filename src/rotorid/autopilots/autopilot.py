@@ -6,7 +6,7 @@ says in its own room what differs. Answers that are functions import what they n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -87,6 +87,8 @@ class Log:
         What a channel has passed: of the record, the source of the channel and the sensor's rate where one is given.
     moving_notches
         The notches of its gyro that follow something, of the record and of what they follow.
+    hidden_filters
+        Parameters of filters that a log lacks while they are off, with the values that they begin with.
     filter_changes
         Filters that it offers against lines in the noise.
     linearization
@@ -110,6 +112,7 @@ class Log:
     frame: Callable[[FlightRecord], tuple[str, str] | None] = _no_frame
     passage: Callable[[FlightRecord, str, float | None], Passage] = _unknown_passage
     moving_notches: Callable[[FlightRecord, Motion], MovingNotches] = _no_notches
+    hidden_filters: Mapping[str, float] = field(default_factory=dict)
     filter_changes: Callable[[FlightRecord, NoiseLines], Sequence[FilterChange]] = _no_changes
     linearization: Callable[[FlightRecord], Linearization | None] = _unknown_linearization
     accelerometer_cutoff_hz: Callable[[FlightRecord], float] = _no_cutoff

@@ -160,6 +160,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
     from rich.table import Table
 
     from rotorid.autopilots import named
+    from rotorid.report.filters import choice_lines
     from rotorid.report.tune_words import (
         axis_sentences,
         following,
@@ -199,6 +200,8 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         line(f"look here: {missed}")
     if stricter := stricter_sentence(document):
         line(stricter)
+    for choice in choice_lines(document.filter_curve):
+        line(choice)
     for sentence in limit_sentences(document) if verbose and document.axes else ():
         line(sentence)
     console.print()

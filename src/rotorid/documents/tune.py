@@ -10,6 +10,7 @@ from pydantic import Field
 
 from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.documents.filter_curve import FilterCurveDocument, curve_document
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.verdict import VerdictDocument, verdict_fields
 from rotorid.loops.rate_loops import shown_quantities
@@ -129,6 +130,7 @@ class JudgedDocument(Document):
 class TuneDocument(Document):
     """``tune.json``: a proposal, its files, and the files to go back; ``robustness`` is the limit in words.
 
+    ``filter_curve`` is there where filters were looked for with the gains.
     ``judged`` is there where foreign gains were judged; ``breaks`` has the likely plants that break
     their axes: gain and phase over the likeliest plant, at the frequency where the loop breaks.
     """
@@ -143,6 +145,7 @@ class TuneDocument(Document):
     scale: float | None = None
     files: list[str] = Field(default_factory=list)
     rollback_files: list[str] = Field(default_factory=list)
+    filter_curve: FilterCurveDocument | None = None
     judged: JudgedDocument | None = None
     breaks: dict[str, float] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
@@ -161,6 +164,7 @@ def tune_document(proposal: TuningProposal) -> TuneDocument:
         scale=proposal.scale,
         files=list(proposal.files),
         rollback_files=list(proposal.rollback_files),
+        filter_curve=curve_document(proposal.curve),
         judged=None if proposal.judged is None else _judged(proposal.judged),
         breaks={} if proposal.judged is None else _breaks(proposal.judged),
         findings=[FindingDocument.model_validate(finding) for finding in proposal.findings],

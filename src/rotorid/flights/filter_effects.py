@@ -18,13 +18,13 @@ from dataclasses import replace
 import numpy as np
 
 from rotorid.autopilots.filters import combined_response
-from rotorid.autopilots.notches import SPEEDS_UNKNOWN, Motion, MovingNotches
+from rotorid.autopilots.notches import Motion, MovingNotches
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import LogControllers
-from rotorid.flights.gyro_noise import GyroNoise
+from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.models.controller import RateController
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.typing import Axis, ComplexArray, FloatArray
@@ -41,6 +41,9 @@ throttles, and speeds of motors are known to a per cent."""
 
 _SLOWEST = 0.05
 """Share of the flight with lower centers of notches than those that margins are judged with."""
+
+_LAG_AT_RAD_S = 30.0
+"""Frequency whose lag orders the moments of a notch."""
 
 _LEAST_GAIN = 1e-4
 """Least response of a flown filter that is taken off."""
@@ -95,6 +98,13 @@ def _moving_ratio(record: FlightRecord, then: FlightRecord, noise: GyroNoise, om
     return np.asarray(over / np.where(np.abs(under) < _LEAST_GAIN, _LEAST_GAIN, under))
 
 
+def moving_notches_change(record: FlightRecord, then: FlightRecord) -> bool:
+    """Whether a notch that follows something has other settings in another record."""
+    nothing = Motion(None, None)
+    before, after = (autopilot_of(one).log.moving_notches(one, nothing).settings for one in (record, then))
+    return before != after
+
+
 def command_powers(
     controller: RateController, noise: GyroNoise, density: FloatArray, *, above_hz: float = NOISE_ABOVE_HZ
 ) -> FloatArray:
@@ -113,6 +123,28 @@ def command_powers(
     gain = np.abs(replace(controller, integral=0.0, angle_1_s=0.0).response(omega)) ** 2
     step_hz = float(noise.frequency_hz[1] - noise.frequency_hz[0])
     return np.asarray(density @ (gain * (noise.frequency_hz >= above_hz)) * step_hz)
+
+
+def noise_by_gain(controller: RateController, noise: GyroNoise, density: FloatArray) -> FloatArray:
+    r"""Quadratic form of the noise of a command in P, I and D, shape ``(3, 3)``.
+
+    .. math:: N_{ij} = \int S \, \mathrm{Re}(C_i^* C_j) \, df
+
+    with the responses :math:`C_i` of one unit of each gain; the integral, which passes no noise, counts as zero.
+
+    Parameters
+    ----------
+    controller, noise, density
+        As for :func:`command_powers`.
+    """
+    omega, kept = noise.omega_rad_s, noise.frequency_hz >= NOISE_ABOVE_HZ
+    none = replace(controller, integral=0.0, angle_1_s=0.0)
+    of_p = replace(none, proportional_s=1.0, derivative_s2=0.0).response(omega)
+    of_d = replace(none, proportional_s=0.0, derivative_s2=1.0).response(omega)
+    rows = np.stack([of_p, np.zeros_like(of_p), of_d])
+    step_hz = float(noise.frequency_hz[1] - noise.frequency_hz[0])
+    weighted = rows.conj() * (density.mean(axis=0) * kept * step_hz)
+    return np.asarray((weighted @ rows.T).real)
 
 
 def saved(flown: FloatArray, then: FloatArray) -> Quantity:
@@ -143,35 +175,29 @@ def saved(flown: FloatArray, then: FloatArray) -> Quantity:
     return Quantity(value=100.0 * (1.0 - left), std=100.0 * left * std, lower=ends[0], upper=ends[1], unit="%")
 
 
-def ratio_at_slowest(
-    record: FlightRecord, then: FlightRecord, noise: GyroNoise | None, omega_rad_s: FloatArray
-) -> ComplexArray:
+def ratio_at_slowest(record: FlightRecord, then: FlightRecord, omega_rad_s: FloatArray) -> ComplexArray:
     """Filters of the gyro of another record over the flown ones, for margins, shape ``(f,)``.
 
     A notch that follows the motors lags most where they are slowest: it is that moment.
 
-    Parameters
-    ----------
-    noise
-        Of the flight; ``None`` where it is not known, which only matters for notches that move.
-
     Raises
     ------
     InsufficientDataError
-        A notch that changes follows something that is not in the log.
+        A notch that changes follows something that is not in the log, or the log is too slow to show it.
     """
     static = _static_ratio(record, then, omega_rad_s)
-    if noise is None:
-        before, after = (autopilot_of(one).log.moving_notches(one, Motion(None, None)) for one in (record, then))
-        if before.settings != after.settings:
-            raise InsufficientDataError(before.unknown or after.unknown or SPEEDS_UNKNOWN, remedy=LOG_SPEEDS)
+    if not moving_notches_change(record, then):
         return static
-    moving = _moving_ratio(record, then, noise, omega_rad_s)
-    if len(moving) == 1:
-        return np.asarray(static * moving[0])
-    # The lag at a low frequency orders the moments.
-    lags = -np.angle(moving[:, int(np.searchsorted(omega_rad_s, 0.2 * omega_rad_s[-1]))])
-    return np.asarray(static * moving[int(np.argsort(lags)[math.ceil((1.0 - _SLOWEST) * (lags.size - 1))])])
+    noise = gyro_noise(record)
+    lags = -np.angle(_moving_ratio(record, then, noise, np.array([_LAG_AT_RAD_S]))[:, 0])
+    slowest = int(np.argsort(lags, kind="stable")[math.ceil((1.0 - _SLOWEST) * (lags.size - 1))])
+    moment = replace(
+        noise,
+        time_s=noise.time_s[slowest : slowest + 1],
+        density={},
+        motion=noise.motion.at(np.array([slowest])),
+    )
+    return np.asarray(static * _moving_ratio(record, then, moment, omega_rad_s)[0])
 
 
 def phase_cost(

@@ -18,7 +18,7 @@ from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.notches import Motion, NoiseLines
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATES
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable, cached_by_value, read_only
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
@@ -90,6 +90,7 @@ class GyroNoise(Immutable):
         return 2.0 * np.pi * self.frequency_hz
 
 
+@cached_by_value
 def gyro_noise(record: FlightRecord) -> GyroNoise:
     """Noise of roll, pitch and yaw rate as the controllers of a flight took it.
 

@@ -281,12 +281,12 @@ def propose_filters(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis,
         )
     sets = filter_sets(record, noise, loops)
     flown = sets[0]
-    before = {axis: verdict_with(record, noise, axis, loop, {}) for axis, loop in loops.items()}
+    before = {axis: verdict_with(record, axis, loop, {}) for axis, loop in loops.items()}
     weak = any(found.verdict in ("gently", "do_not_fly") for found in before.values())
     need: Need = "noise" if flown.rms > NOISY else "margin" if weak and flown.rms < _QUIET * NOISY else ""
     proposed, verdicts, refused = flown, before, ""
     for tried in _wanted(sets, need)[:_MOST_TRIED]:
-        then = {axis: verdict_with(record, noise, axis, loop, tried.values) for axis, loop in loops.items()}
+        then = {axis: verdict_with(record, axis, loop, tried.values) for axis, loop in loops.items()}
         worse = [axis for axis, found in then.items() if _is_worse(before[axis], found)]
         if not worse:
             proposed, verdicts = tried, then
@@ -338,9 +338,7 @@ def _is_worse(before: LoopVerdict, then: LoopVerdict) -> bool:
     return ranks[1] < ranks[0] or (then.verdict != "fly" and then.refused_peak > 1.02 * before.refused_peak)
 
 
-def verdict_with(
-    record: FlightRecord, noise: GyroNoise | None, axis: Axis, loop: KnownLoop, values: Mapping[str, float]
-) -> LoopVerdict:
+def verdict_with(record: FlightRecord, axis: Axis, loop: KnownLoop, values: Mapping[str, float]) -> LoopVerdict:
     """The verdict on the flown gains with other filters, on all likely plants.
 
     Raises
@@ -356,7 +354,7 @@ def verdict_with(
         why, remedy = flown.unknown_gains(axis)
         raise InsufficientDataError(why, remedy=remedy)
     omega = frequency_grid(before.controller)
-    moved = ratio_at_slowest(record, then, noise, omega)
+    moved = ratio_at_slowest(record, then, omega)
     made = {name: _response(record, loop.source, one, omega, moved) for name, one in _ends(known).items()}
     return loop_verdict(loop.plant, situations_of(loop.plant, omega, made))
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError, nearest_name
@@ -30,7 +31,7 @@ from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.tuning.loops import ControllerParts, Gains
 from rotorid.typing import ComplexArray
 
-_OF_GYRO = ("IMU_GYRO_", "INS_GYRO_FILTER", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "gyro_")
+_OF_GYRO = ("IMU_GYRO_", "INS_GYRO_FILTER", "INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "gyro_", "rpm_filter_")
 _OF_LOOP = ("IMU_DGYRO_CUTOFF", "MC_DTERM_CUTOFF", "MC_YAW_TQ_CUTOFF", "ATC_RAT_", "dterm_", "yaw_lowpass_hz")
 _ARDUPILOT_FILTERS = ("_FLTT", "_FLTE", "_FLTD", "_NTF", "_NEF")
 
@@ -82,7 +83,9 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
     UsageError
         The log has no such parameter, it is not a filter's, or its effect is not modeled.
     """
-    known = [name for name in record.parameters if _is_filter(name)]
+    # Some are in no log while they are off.
+    own = {**autopilot_of(record).log.hidden_filters, **record.parameters}
+    known = [name for name in own if _is_filter(name)]
     changed: dict[str, float] = {}
     for name, value in values.items():
         place = header_name(name)
@@ -102,7 +105,10 @@ def with_filters(record: FlightRecord, values: Mapping[str, float]) -> FlightRec
         if is_type(place):
             _require_type(name, value, version_of(record.source.firmware))
         changed[place] = float(value)
-    return replace(record, parameters={**record.parameters, **changed})
+    return replace(
+        record,
+        parameters={**(own if changed.keys() - record.parameters.keys() else {}), **record.parameters, **changed},
+    )
 
 
 def _require_type(name: str, value: float, version: Version | None) -> None:
@@ -137,12 +143,13 @@ def changed_filters(
     gyro
         Only those of the gyro, which are in the loops of all axes.
     """
+    own = {**autopilot_of(record).log.hidden_filters, **record.parameters}
     return {
-        command_line_name(place): (float(record.parameters[place]), float(value))
+        command_line_name(place): (float(own[place]), float(value))
         for name, value in values.items()
-        if (place := header_name(name)) in record.parameters
+        if (place := header_name(name)) in own
         and (not gyro or place.startswith(_OF_GYRO))
-        and record.parameters[place] != value
+        and (own[place] != value or place not in record.parameters)
     }
 
 

@@ -24,10 +24,11 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
 from rotorid.flights.controller_check import check_controller
 from rotorid.flights.controllers import LogControllers, controller_as_logged, controllers_of, controllers_of_result
+from rotorid.flights.filter_effects import ratio_at_slowest
 from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
-from rotorid.signal.autopilot_filters import controller_filters, known_filters
+from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.motors import motor_limits
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.tuning.loops import ControllerParts, Gains
@@ -134,10 +135,7 @@ class LoggedLoop:
         filters, logged = combined_response(acting.filters, omega_rad_s), combined_response(self.passed, omega_rad_s)
         controller = self.controller.controller
         if then is not None:
-            before, after = (
-                combined_response(controller_filters(record), omega_rad_s) for record in (self.record, then)
-            )
-            filters = filters * after / before
+            filters = filters * ratio_at_slowest(self.record, then, omega_rad_s)
             controller = self.with_parameters(then).controller
         return ControllerParts(
             controller=controller, omega_rad_s=omega_rad_s, filters=filters, logged=logged, rate_noise=noise

@@ -33,6 +33,7 @@ from rotorid.io.records import as_records
 from rotorid.models.autopilots.gains import parameters_of
 from rotorid.models.autopilots.settings import AxisController, Parameter
 from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, needed_rad_s
+from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
 from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
@@ -180,6 +181,8 @@ class TuningProposal(Immutable):
         Requested largest sensitivity peak.
     judged
         The verdict on foreign gains, where some were given.
+    curve
+        Filters that could fly with the gains, where they were looked for.
     files, rollback_files
         Name of each file to its text: proposed gains, and the flown ones.
     findings
@@ -199,6 +202,7 @@ class TuningProposal(Immutable):
     provenance: Provenance
     robustness: float = ROBUSTNESS
     judged: JudgedGains | None = None
+    curve: FilterCurve | None = None
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, files=self.files, rollback_files=self.rollback_files)
@@ -294,6 +298,9 @@ def tune(
             # What fails on one axis ends no other.
             refused[axis], remarks = _refused(axis, failure)
             findings += [finding for finding in remarks if finding not in findings]
+    curve = None
+    if chosen.filter_choice != "keep" and known:
+        curve, known, chosen = _with_curve(known, chosen, thrust, findings)
     cascade = _Cascade(given, logs, chosen, dict(known))
     verdict = None
     if foreign is not None and (known or chosen.outer):
@@ -357,7 +364,37 @@ def tune(
             wishes=Wishes(sensitivity_peak=chosen.robustness),
             **look,
         )
-    return replace(_together(axes, findings, logs, given, chosen, thrust), judged=verdict)
+    return replace(_together(axes, findings, logs, given, chosen, thrust), judged=verdict, curve=curve)
+
+
+def _with_curve(
+    known: dict[Axis, KnownAxis],
+    chosen: TuneSettings,
+    thrust: ThrustLinearization | None,
+    findings: list[Finding],
+) -> tuple[FilterCurve | None, dict[Axis, KnownAxis], TuneSettings]:
+    """Filters with gains, and the axes and settings with those that were picked; as they were where none is known."""
+    _PROGRESS.info("looking for filters")
+
+    def wishes(one: KnownAxis) -> Wishes:
+        angle = _angle(one)
+        # Two axes that share an angle gain would need each other's.
+        shared = one.gains.A if angle is not None and angle.shared else None
+        return replace(wishes_of(one.controller, chosen, thrust), angle_1_s=shared)
+
+    try:
+        curve = filter_curve(known, wishes, chosen.filters)
+    except InsufficientDataError as error:
+        why = f"Not enough data for other filters: {error.came}; {error.remedy or error.expectation}."
+        findings.append(warn("filter_not_judged", "filters", why))
+        return None, known, chosen
+    number = curve.recommended if chosen.filter_choice == "propose" else chosen.filter_choice
+    if number == "curve":
+        return curve, known, chosen
+    point = curve.point(int(number))
+    picked = replace(chosen, filters={**chosen.filters, **point.values}, noise=point.noise_limit)
+    changed = with_point(known, point, chosen.filters) if point.filters else known
+    return replace(curve, picked=point.number), changed, picked
 
 
 class _Cascade:

@@ -60,6 +60,9 @@ class TuneSettings(Settings):
         Gains that may change; a short form of ``keep``.
     filters
         Filters to fly instead of those of the log, by the firmware's names.
+    filter_choice
+        ``keep`` for the flown filters, ``curve`` to look for others too, ``propose`` to fly the recommended ones, or
+        the number of a point of the curve.
     scale
         Scale factor to a full-size helicopter, for its guidelines; ``None`` to take it from ``physical.motors``, if
         given.
@@ -117,6 +120,17 @@ class TuneSettings(Settings):
         Mapping[str, float],
         Option("--set", "Filter to fly, by the firmware's name. Repeatable.", "Gains", FILTERS),
     ] = field(default_factory=dict)
+    filter_choice: Annotated[
+        str,
+        Option(
+            "--filters",
+            "Filters with the gains: keep (as flown), curve (list what else could fly), propose, or the number of a "
+            "point of that curve.",
+            "Gains",
+            metavar="keep|curve|propose|POINT",
+        ),
+        Written("given"),
+    ] = "keep"
     scale: Annotated[
         float | None,
         Option("--scale", "Scale factor to a full-size helicopter.", "Judging"),
@@ -134,6 +148,11 @@ class TuneSettings(Settings):
         axes = dict.fromkeys("velocity" if axis == _POSITION else axis for axis in self.axes)
         self._set(axes=tuple(axes), keep=keep, only=(), filters=self.filters)
         require_seed(self.seed)
+        if self.filter_choice not in ("keep", "curve", "propose") and not self.filter_choice.isdecimal():
+            raise UsageError(
+                f"--filters {self.filter_choice!r} is unknown",
+                remedy="use keep, curve, propose or the number of a point",
+            )
         if not 1.2 <= self.robustness <= 2.5:
             raise UsageError(f"--robustness {self.robustness:g} is out of range", needed="M_s from 1.2 to 2.5")
         if not 0.1 <= self.noise <= 10.0:

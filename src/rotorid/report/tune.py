@@ -23,6 +23,7 @@ from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.proposing.steps import step_times_s
+from rotorid.report.filters import choice_picture, choice_rows, choice_sentence
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
 from rotorid.report.loop_words import LOOP_WORDS, answer_of, is_outer, loop_words
 from rotorid.report.parts import finding_rows
@@ -206,6 +207,7 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
     document = tune_document(proposal)
     axes = [_axis(axis, document.axes[axis], tuning, proposal.scale) for axis, tuning in proposal.axes.items()]
     judged = _judged_cards(document, proposal)
+    curve = [] if document.filter_curve is None else [choice_picture(document.filter_curve)]
     margins = margin_lines(document)
     return render(
         "tune.html",
@@ -222,6 +224,9 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         following=following(document),
         loading=named(document.autopilot).loading,
         axes=axes,
+        choices=() if document.filter_curve is None else choice_rows(document.filter_curve),
+        choice_sentence="" if document.filter_curve is None else choice_sentence(document.filter_curve),
+        curve=curve,
         files=list(proposal.files.items()),
         rollback=list(proposal.rollback_files.items()),
         thrust=_thrust(document),
@@ -233,6 +238,7 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         path_margins=[(capital(QUANTITIES[name].before), QUANTITIES[name].unit) for name in PATH_MARGINS],
         remarks=finding_rows(document.findings),
         pictures=[
+            *curve,
             *(picture for card in judged for picture in card.pictures),
             *(picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)),
         ],

@@ -89,6 +89,9 @@ class ControllerParts(Immutable):
     rate_noise
         Density of the noise of the logged rate, (rad/s)² per rad/s, shape ``(f,)``; ``None`` where the log does not
         show it: then it is taken for white, and noises of gains can be compared only.
+    noise_by_gain
+        Quadratic form of the noise of the command in P, I and D, shape ``(3, 3)``, where the spectrum of the gyro is
+        known beyond these frequencies: it goes before ``rate_noise``.
     disturbance_rad_s
         Corner of the moment, or of the force, against which the attitude, or the place, is held.
     """
@@ -98,6 +101,7 @@ class ControllerParts(Immutable):
     filters: ComplexArray
     logged: ComplexArray
     rate_noise: FloatArray | None = None
+    noise_by_gain: FloatArray | None = None
     disturbance_rad_s: float = DISTURBANCE_RAD_S
 
     def attitude_rms(self, plants: ComplexArray, loops: ComplexArray) -> FloatArray:
@@ -106,6 +110,9 @@ class ControllerParts(Immutable):
 
     def noise(self, gains: Gains) -> float:
         """Root mean square of the command that the noise of the rate makes."""
+        if self.noise_by_gain is not None:
+            each = np.array([gains.P, gains.I, gains.D])
+            return float(np.sqrt(each @ self.noise_by_gain @ each))
         density = np.ones(self.omega_rad_s.size) if self.rate_noise is None else self.rate_noise
         return float(np.sqrt(np.trapezoid(density * np.abs(self.rate(gains)) ** 2, self.omega_rad_s)))
 

@@ -192,11 +192,11 @@ def test_filters_that_break_margins_are_not_proposed() -> None:
     noise = gyro_noise(record)
     found = propose_filters(record, noise, tight)
     for axis, loop in tight.items():
-        before = verdict_with(record, noise, axis, loop, {})
+        before = verdict_with(record, axis, loop, {})
         assert before.verdict == "do_not_fly"
         assert found.verdicts[axis].refused_peak <= 1.02 * before.refused_peak
         lag = {"INS_GYRO_FILTER": 30.0}
-        assert verdict_with(record, noise, axis, loop, lag).refused_peak > 1.02 * before.refused_peak
+        assert verdict_with(record, axis, loop, lag).refused_peak > 1.02 * before.refused_peak
 
 
 def test_unknown_loops_propose_nothing() -> None:

@@ -138,6 +138,20 @@ ARDUPILOT = Autopilot(
         passage=_passage,
         moving_notches=_moving_notches,
         filter_changes=_filter_changes,
+        hidden_filters={
+            f"{prefix}_{name}": value
+            for prefix in ("INS_HNTCH", "INS_HNTC2")
+            for name, value in (
+                ("FREQ", 80.0),
+                ("BW", 40.0),
+                ("ATT", 40.0),
+                ("HMNCS", 3.0),
+                ("REF", 0.0),
+                ("MODE", 1.0),
+                ("OPTS", 0.0),
+                ("FM_RAT", 1.0),
+            )
+        },
         linearization=_linearization,
     ),
     telemetry=Log(telemetry=True, frame=_frame_of_class, linearization=_linearization),

@@ -1,0 +1,359 @@
+"""Filters together with gains: less noise or a stiffer attitude, as a curve of points from which the user picks.
+
+Each point is a set of filters of the firmware, a limit of noise, and the gains of all axes that are best with them: the
+limits of :mod:`rotorid.tuning.proposal` apply to the combination on all likely plants, with notches that follow the
+motors where these are slowest. Points that another one beats in noise and attitude are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rotorid.data.axes import RATE_OF
+from rotorid.data.base import Immutable
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import FlightRecord
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.filter_effects import command_powers, filtered_density, noise_by_gain, saved
+from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
+from rotorid.loops.filter_choice import FilterSet, KnownLoop, filter_sets
+from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.filters import with_filters
+from rotorid.proposing.flown_gains import at_ends
+from rotorid.tuning.firmware import rounded, written
+from rotorid.tuning.loops import Gains, loop_figures, over_draws
+from rotorid.tuning.proposal import Judged, Wishes, judged, propose
+from rotorid.typing import Axis, FloatArray
+
+BUDGETS_DEG = (-6.0, -1.0, 2.0, 8.0)
+"""Phase that a set may cost at the crossover of the flown loop: for each the one with the least noise is tried."""
+
+_NOISE_LIMITS = (1.0, 0.5)
+"""Noise that gains may make over the flown ones, besides the limit that was asked for."""
+
+_LEAST_SAVED = 10.0
+"""Saved noise in per cent from which new filters are recommended."""
+
+_AS_STIFF = 1.02
+"""Attitude error over that with the flown filters, up to which less noise is recommended."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisPoint(Immutable):
+    """An axis at a point of the curve.
+
+    Parameters
+    ----------
+    judged
+        Its gains, and what they do on every draw.
+    parameters
+        The gains by the firmware's names.
+    sensitivity_peak
+        The larger M_s of rate loop and whole loop.
+    attitude_ratio
+        Attitude error under a disturbance, over that of the flown gains and filters.
+    """
+
+    judged: Judged
+    parameters: Mapping[str, float]
+    sensitivity_peak: Quantity
+    attitude_ratio: Quantity
+
+    def __post_init__(self) -> None:
+        self._set(parameters=self.parameters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilterPoint(Immutable):
+    """Filters and gains that may be flown together.
+
+    Parameters
+    ----------
+    number
+        By which the user picks it, from one; zero for the flown filters with the proposed gains.
+    filters
+        Parameters that change: flown and new value.
+    noise_limit
+        Largest noise of each command that was allowed, over the flown one.
+    axes
+        What each axis gets.
+    saves_percent
+        Noise at the motors that is saved over the flown gains and filters, of all axes together.
+    """
+
+    number: int
+    filters: Mapping[str, tuple[float | None, float]]
+    noise_limit: float
+    axes: Mapping[Axis, AxisPoint]
+    saves_percent: Quantity
+
+    def __post_init__(self) -> None:
+        self._set(filters=self.filters, axes=self.axes)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """New values of the filters."""
+        return {name: new for name, (_, new) in self.filters.items()}
+
+    @property
+    def noise(self) -> float:
+        """Noise at the motors over the flown one."""
+        return 1.0 - 0.01 * self.saves_percent.value
+
+    @property
+    def attitude(self) -> float:
+        """Attitude error over the flown one, of all axes the geometric mean."""
+        return float(np.exp(np.mean([np.log(point.attitude_ratio.value) for point in self.axes.values()])))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilterCurve(Immutable):
+    """The points, of which each has less noise or a smaller attitude error than every other one.
+
+    Parameters
+    ----------
+    points
+        The least noise first; the flown filters are always among them.
+    recommended
+        Number of the point with the least noise whose attitude is as stiff as with the flown filters; zero where the
+        flown filters are to stay.
+    picked
+        Number of the point whose filters and gains are proposed; ``None`` where the filters stay as flown.
+    """
+
+    points: tuple[FilterPoint, ...]
+    recommended: int
+    picked: int | None = None
+
+    def __post_init__(self) -> None:
+        self._set(points=tuple(self.points))
+
+    def point(self, number: int) -> FilterPoint:
+        """The point of a number.
+
+        Raises
+        ------
+        UsageError
+            There is none.
+        """
+        found = next((point for point in self.points if point.number == number), None)
+        if found is None:
+            known = ", ".join(str(point.number) for point in sorted(self.points, key=lambda one: one.number))
+            raise UsageError(f"--filters {number}: no such point", remedy=f"use one of {known}, keep or propose")
+        return found
+
+
+def filter_curve(
+    known: Mapping[Axis, KnownAxis], wishes: Callable[[KnownAxis], Wishes], flown_filters: Mapping[str, float]
+) -> FilterCurve:
+    """The curve of filters with gains.
+
+    Parameters
+    ----------
+    known
+        Axes with their flown loops, with the filters that the user asked for.
+    wishes
+        Limits of the gains of an axis.
+    flown_filters
+        Filters that the user asked for: every point has them too.
+
+    Raises
+    ------
+    InsufficientDataError
+        The log does not show the noise of the gyro, or no point keeps the limits.
+    """
+    record = next(iter(known.values())).flown.record
+    noise = gyro_noise(record)
+    loops = {axis: _loop(one) for axis, one in known.items()}
+    sets = _spread(filter_sets(record, noise, {axis: loop for axis, loop in loops.items() if loop is not None}))
+    flown = {axis: _with_noise(record, one, noise, record, flown=True) for axis, one in known.items()}
+    powers = {axis: _powers(record, noise, one.flown_parts.controller, record, axis) for axis, one in flown.items()}
+    before = np.sum(list(powers.values()), axis=0)
+    found: list[FilterPoint] = []
+    for one in sets:
+        values = {**flown_filters, **one.values}
+        try:
+            then = with_filters(record, values) if values else record
+            changed = {axis: _changed(record, flown[axis], noise, then) for axis in known}
+        except (UsageError, InsufficientDataError):
+            continue
+        loudest = np.inf
+        for limit in sorted({next(iter(map(wishes, known.values()))).noise, *_NOISE_LIMITS}, reverse=True):
+            # A limit above what the gains make binds nothing.
+            if loudest <= limit:
+                continue
+            point = _point(record, noise, changed, then, one, limit, wishes, before)
+            if point is not None:
+                found.append(point)
+                loudest = max(point.axes[axis].judged.noise / _flown_noise(one) for axis, one in flown.items())
+    kept = [point for point in found if not point.filters]
+    if not kept:
+        raise InsufficientDataError(
+            "no gains keep the limits with the flown filters", remedy="see what limits the gains of each axis"
+        )
+    return _numbered(_undominated(found, kept[0]), kept[0])
+
+
+def _flown_noise(known: KnownAxis) -> float:
+    return known.flown_parts.noise(known.gains)
+
+
+def _loop(known: KnownAxis) -> KnownLoop | None:
+    figures = loop_figures(
+        known.omega_rad_s,
+        known.drawn() * known.flown_parts.rate(known.gains),
+        from_rad_s=known.plant.known_from_rad_s,
+    )
+    crossover = figures.usual_crossover_rad_s
+    if crossover <= 0.0:
+        return None
+    return KnownLoop(plant=known.plant, source=known.flown.source, crossover_rad_s=crossover)
+
+
+def _spread(sets: Sequence[FilterSet]) -> list[FilterSet]:
+    """The flown filters, and for each budget of phase the set with the least noise."""
+    flown, *others = sets
+    found = [flown]
+    for budget in BUDGETS_DEG:
+        fit = [one for one in others if one.cost_deg <= budget]
+        best = min(fit, key=lambda one: (one.rms, len(one.changes)), default=None)
+        if best is not None and best not in found and best.rms < max(one.rms for one in fit):
+            found.append(best)
+    return found
+
+
+def _powers(record: FlightRecord, noise: GyroNoise, controller: object, then: FlightRecord, axis: Axis) -> FloatArray:
+    density = filtered_density(record, then, noise)[RATE_OF[axis]]
+    return command_powers(controller, noise, density)  # type: ignore[arg-type]
+
+
+def _with_noise(
+    record: FlightRecord, known: KnownAxis, noise: GyroNoise, then: FlightRecord, *, flown: bool = False
+) -> KnownAxis:
+    """An axis whose noise is that of the whole spectrum of the gyro."""
+    density = filtered_density(record, then, noise)[RATE_OF[known.flown.axis]]  # type: ignore[index]
+    if flown:
+        form = noise_by_gain(known.flown_parts.controller, noise, density)
+        return replace(known, flown_parts=replace(known.flown_parts, noise_by_gain=form))
+    form = noise_by_gain(known.parts.controller, noise, density)
+    return replace(known, parts=replace(known.parts, noise_by_gain=form))
+
+
+def _changed(record: FlightRecord, known: KnownAxis, noise: GyroNoise, then: FlightRecord) -> KnownAxis:
+    """An axis with other filters."""
+    if then is record:
+        return _with_noise(record, replace(known, parts=known.flown_parts), noise, record)
+    return _with_noise(record, changed_axis(known, then), noise, then)
+
+
+def changed_axis(known: KnownAxis, then: FlightRecord) -> KnownAxis:
+    """An axis with the filters of another record's parameters.
+
+    Parameters
+    ----------
+    known
+        As it flew.
+    then
+        Its log with other filters among its parameters.
+    """
+    return replace(
+        known,
+        then=then,
+        controller=known.flown.with_parameters(then),
+        parts=known.flown.parts(known.omega_rad_s, then=then, noise=known.flown_parts.rate_noise),
+    )
+
+
+def with_point(
+    known: Mapping[Axis, KnownAxis], point: FilterPoint, flown_filters: Mapping[str, float]
+) -> dict[Axis, KnownAxis]:
+    """The axes with the filters of a point, and with the noise by which it was found.
+
+    Parameters
+    ----------
+    known, flown_filters
+        As for :func:`filter_curve`.
+    """
+    record = next(iter(known.values())).flown.record
+    noise = gyro_noise(record)
+    values = {**flown_filters, **point.values}
+    then = with_filters(record, values) if values else record
+    found = {axis: _with_noise(record, one, noise, record, flown=True) for axis, one in known.items()}
+    return {axis: _changed(record, one, noise, then) for axis, one in found.items()}
+
+
+def _point(
+    record: FlightRecord,
+    noise: GyroNoise,
+    known: Mapping[Axis, KnownAxis],
+    then: FlightRecord,
+    filters: FilterSet,
+    limit: float,
+    wishes: Callable[[KnownAxis], Wishes],
+    before: FloatArray,
+) -> FilterPoint | None:
+    """Filters with the best gains of every axis; ``None`` where an axis has none that keep the limits."""
+    axes: dict[Axis, AxisPoint] = {}
+    powers = []
+    for axis, one in known.items():
+        own = replace(wishes(one), noise=limit)
+        ends = tuple(at_ends(one.controller, one.parts).values())
+        found = propose(
+            axis,
+            one.plant,
+            one.controller.controller,
+            parts=one.parts,
+            flown_parts=None if then is record else one.flown_parts,
+            ends=ends,
+            wishes=own,
+        )
+        if not found.keeps_limits:
+            return None
+        gains = rounded(one.controller, found.proposed.gains)
+        scores = judged(one.parts, one.drawn(), gains, from_rad_s=one.plant.known_from_rad_s)
+        axes[axis] = AxisPoint(
+            judged=scores,
+            parameters=written(one.controller, gains),
+            sensitivity_peak=over_draws(np.maximum(scores.rate.sensitivity_peak, scores.whole.sensitivity_peak), "1"),
+            attitude_ratio=over_draws(scores.attitude_rms / found.flown.attitude_rms, "1"),
+        )
+        powers.append(_powers(record, noise, Gains.on(gains, one.parts.controller), then, axis))
+    changes = {
+        name: (record.parameters.get(name), value)
+        for name, value in filters.values.items()
+        if record.parameters.get(name) != value
+    }
+    return FilterPoint(
+        number=0,
+        filters=changes,
+        noise_limit=limit,
+        axes=axes,
+        saves_percent=saved(before, np.sum(powers, axis=0)),
+    )
+
+
+def _undominated(points: Sequence[FilterPoint], kept: FilterPoint) -> list[FilterPoint]:
+    """Points that no other one beats in both; the flown filters stay among them."""
+    ranked = sorted(points, key=lambda point: (point.noise, point.attitude))
+    found: list[FilterPoint] = []
+    for point in ranked:
+        if point is kept or all(point.attitude < 0.995 * other.attitude for other in found):
+            found.append(point)
+    return found
+
+
+def _numbered(points: Sequence[FilterPoint], kept: FilterPoint) -> FilterCurve:
+    others = [point for point in points if point is not kept]
+    numbers = {id(point): number for number, point in enumerate(others, start=1)} | {id(kept): 0}
+    numbered = tuple(replace(point, number=numbers[id(point)]) for point in points)
+    good = [
+        point
+        for point in numbered
+        if point.filters
+        and point.attitude <= _AS_STIFF * kept.attitude
+        and point.noise <= (1.0 - 0.01 * _LEAST_SAVED) * kept.noise
+    ]
+    return FilterCurve(points=numbered, recommended=good[0].number if good else 0)
