@@ -129,6 +129,17 @@
     return Math.sqrt(sum);
   };
 
+  // Of the whole spectrum where it is known; a low-pass of D that is moved by hand changes it as below its end.
+  const spectrum = (axis, gains) => {
+    const each = [gains.P, gains.I, gains.D];
+    return Math.sqrt(axis.noise_by_gain.reduce((sum, row, i) => sum + row.reduce((of, one, j) => of + each[i] * one * each[j], 0), 0));
+  };
+  const loudness = (axis, gains, found) => {
+    if (!axis.noise_by_gain) return noise(axis, found.rate);
+    const same = controllers(axis, gains, axis.derivative_cutoff_hz);
+    return (spectrum(axis, gains) * noise(axis, found.rate)) / noise(axis, same.rate);
+  };
+
   // Attitude under a moment of a corner, as rotorid.tuning.loops.attitude_rms.
   const DISTURBANCE_RAD_S = 1.5;
   const attitude = (axis, whole) => {
@@ -180,7 +191,7 @@
     });
     const flown = controllers(axis, axis.flown, axis.derivative_cutoff_hz);
     const before = step(axis, axis.plant, flown);
-    const quiet = noise(axis, flown.rate);
+    const quiet = axis.noise_today * loudness(axis, axis.flown, flown);
     const tilted = attitude(axis, flown.whole);
 
     const show = () => {
@@ -205,7 +216,7 @@
       const worst = Math.max(...peaks);
       setFigure("worst", `${shown(worst)} on the worst of ${peaks.length} likely vehicles`);
       place.querySelector('[data-figure="worst"]').classList.toggle("poor", worst > axis.limit);
-      setFigure("noise", `${format((100 * noise(axis, found.rate)) / quiet, 3)} % of today's`);
+      setFigure("noise", `${format((100 * loudness(axis, gains, found)) / quiet, 3)} % of today's`);
       for (const [name, input] of Object.entries(inputs)) {
         place.querySelector(`output[data-of="${name}"]`).textContent = format(Number(input.value), 4);
       }

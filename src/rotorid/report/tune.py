@@ -370,6 +370,9 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
         "rate": {name: _complex(row) for name, row in parts.by_rate.items()},
         "angle": {name: _complex(row) for name, row in parts.by_angle.items()},
         "noise": _short(noise / noise.max()),
+        # Other filters make other noise of today's gains too, and the whole spectrum may be known.
+        "noise_today": tuning.proposal.flown.noise / parts.noise(tuning.proposal.flown.gains),
+        "noise_by_gain": None if parts.noise_by_gain is None else [_short(row) for row in parts.noise_by_gain],
         "flown": tuning.proposal.flown.gains.as_dict(),
         "units": {name: {"name": known_axis.name, "per_si": known_axis.per_si} for name, known_axis in known.items()},
         "derivative_cutoff_hz": first_order,
