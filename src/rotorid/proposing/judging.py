@@ -20,7 +20,8 @@ from typing import TypeAlias
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, UsageError, nearest_name
+from rotorid.errors import InsufficientDataError, LogError, UsageError, nearest_name
+from rotorid.io.documents import require_file
 from rotorid.models.autopilots import betaflight
 from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
@@ -68,6 +69,20 @@ _HIDDEN = ("INS_HNTCH_", "INS_HNTC2_", "INS_NOTCH_", "FILT")
 """Filters that ArduPilot does not log while they are off."""
 
 _GAIN_STEMS = ("MC_ROLL", "MC_PITCH", "MC_YAW", "MC_DTERM_CUTOFF", "ATC_RAT_", "ATC_ANG_")
+
+_RENAMED = {
+    "MC_DTERM_CUTOFF": "IMU_DGYRO_CUTOFF",
+    "IMU_GYRO_NF_FREQ": "IMU_GYRO_NF0_FRQ",
+    "IMU_GYRO_NF_BW": "IMU_GYRO_NF0_BW",
+    **{f"MPC_{axis}_VEL_{letter}": f"MPC_{axis}_VEL_{letter}_ACC" for axis in ("XY", "Z") for letter in "PID"},
+    **{f"ATC_RAT_{axis}_FILT": f"ATC_RAT_{axis}_FLT{of}" for axis, of in (("RLL", "D"), ("PIT", "D"), ("YAW", "E"))},
+    **{f"{of}_lowpass{n}_hz": f"{of}_lpf{n or 1}_static_hz" for of in ("dterm", "gyro") for n in ("", 2)},
+    **{f"{of}_lowpass_dyn_hz_{end}": f"{of}_lpf1_dyn_hz_{end}" for of in ("dterm", "gyro") for end in range(2)},
+    **{f"d_min_{axis}": f"d_max_{axis}" for axis in range(3)},
+}
+"""Names of older firmware, to those that took their place, some of them in other units or with another meaning."""
+
+_OTHER_NAMES = {**_RENAMED, **{new: old for old, new in _RENAMED.items()}}
 
 _LESS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2)
 _KNOBS: tuple[tuple[str, ...], ...] = (
@@ -166,8 +181,11 @@ def load_gains(path: Path | str) -> GainFile:
     """
     place = Path(path)
     try:
+        require_file(place)
         with place.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
+    except LogError as error:
+        raise UsageError(error.came, needed="a file of gains", remedy=error.remedy) from None
     except OSError as error:
         raise UsageError(f"{place} cannot be read: {error.strerror or error}", needed="a file of gains") from error
     if len(data) > LARGEST_BYTES:
@@ -241,7 +259,7 @@ def judge_gains(
     axes: dict[LoopName, AxisJudgment] = {}
     flown = {axis: one.flown for axis, one in known.items()}
     if first := next(iter(flown.values()), None):
-        _require_same_version(gains, first)
+        _require_same_firmware(gains, first)
         gains, how = gains.on(first.record.parameters, version_of(first.controller.firmware))
         findings += [remark("gains_read", gains.name, how)] if how else []
     values = _values(gains, (*known, *refused), flown)
@@ -342,12 +360,6 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
     record = flown.record
     autopilot = flown.controller.autopilot
     where = record.source.name
-    if gains.autopilot and gains.autopilot != autopilot:
-        raise UsageError(
-            f"{gains.name} contains gains of {gains.autopilot}, but {where} is from {autopilot}",
-            needed=f"gains of {autopilot}",
-        )
-    _require_same_version(gains, flown)
     _require_not_negative(gains, record, values)
     for name in _OF_VEHICLE:
         if name in values and not _is_same(record.parameters.get(name, values[name]), values[name]):
@@ -368,13 +380,19 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
         if name in _OF_PLANT:
             unlogged.append(written)
             continue
+        other = _OTHER_NAMES.get(name, "")
         near = nearest_name(written, [*flown.controller.gains, *flown.controller.filters]) if few else ""
         # Firmware that has no such parameter ignores it, or means something else by it.
-        if near or name.startswith(_GAIN_STEMS) or (few and loop_settings({name: 0.0})):
+        if other in record.parameters or near or name.startswith(_GAIN_STEMS) or (few and loop_settings({name: 0.0})):
+            remedy = "export the gains from this version of the firmware"
+            if other in record.parameters:
+                remedy = f"{remedy}, which has {other} instead, maybe in other units"
+            elif near:
+                remedy = f"did you mean {near}?"
             raise UsageError(
                 f"{where} has no parameter {written}, which {gains.name} contains",
                 needed="names of the firmware that flew",
-                remedy=f"did you mean {near}?" if near else "export the gains from this version of the firmware",
+                remedy=remedy,
             )
         left_out.append(written)
     if not loop_settings(values) and not outer_settings(values):
@@ -390,7 +408,14 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
     return found
 
 
-def _require_same_version(gains: GainFile, flown: FlownLoop) -> None:
+def _require_same_firmware(gains: GainFile, flown: FlownLoop) -> None:
+    """Refuse gains of another autopilot, or of a version that computes another controller from them."""
+    autopilot, where = flown.controller.autopilot, flown.record.source.name
+    if gains.autopilot and gains.autopilot != autopilot:
+        raise UsageError(
+            f"{gains.name} contains gains of {gains.autopilot}, but {where} is from {autopilot}",
+            needed=f"gains of {autopilot}",
+        )
     theirs, ours = versions_of(gains.firmware), version_of(flown.controller.firmware)
     if gains.autopilot != betaflight.NAME or not theirs or ours is None:
         return

@@ -27,11 +27,11 @@ LARGEST_BYTES = 2_000_000
 _NAME = r"[A-Za-z][A-Za-z0-9_]{1,39}"
 _TABLE = re.compile(rf"\d+\s+\d+\s+(?P<name>{_NAME})\s+(?P<value>\S+)\s+\d+")
 _SHELL = re.compile(rf"param\s+set(?:-default)?\s+(?P<name>{_NAME})\s+(?P<value>\S+)")
-_PAIR = re.compile(r"(?P<name>[A-Z]\w{1,39})(?:\s*,\s*|\s+)(?P<value>[^\s,]+)(?:\s+@READONLY)?")
-_SET = re.compile(r"set\s+(?P<name>\w{1,64})\s{0,40}=(?P<value>.*)")
-_PROFILE = re.compile(r"profile\s+(?P<number>\d+)")
+_PAIR = re.compile(r"(?P<name>[A-Z][A-Za-z0-9_]{1,39})(?:\s*,\s*|\s+)(?P<value>[^\s,]+)(?:\s+@READONLY)?")
+_SET = re.compile(r"set\s+(?P<name>\w{1,64})\s{0,40}=(?P<value>.*)", re.A)
+_PROFILE = re.compile(r"profile\s+(?P<number>\d+)", re.A)
 _BY_HAND = re.compile(
-    r"(?:(?P<axis>roll|pitch|yaw)[\s:,]{1,20})?(?P<gains>(?:[PIDA]\s{0,9}=\s{0,9}[^\s,;=]+[\s,;]*)+)", re.I
+    r"(?:(?P<axis>roll|pitch|yaw)[\s:,]{1,20})?(?P<gains>(?:[PIDA]\s{0,9}=\s{0,9}[^\s,;=]+[\s,;]*)+)", re.I | re.A
 )
 _GAIN = re.compile(r"([PIDA])\s*=\s*([^\s,;=]+)", re.I)
 _FIRMWARE = re.compile(
@@ -239,6 +239,9 @@ def _number(text: str, name: str, where: str) -> float:
         value = float(text)
     except ValueError:
         raise UsageError(f"{name} in {where} is {text!r}", needed="a number") from None
+    # Digits of other scripts and underscores are numbers for Python alone.
+    if not text.isascii() or "_" in text:
+        raise UsageError(f"{name} in {where} is {text!r}", needed="a number in plain digits")
     if not math.isfinite(value):
         raise UsageError(f"{name} in {where} is {text}", needed="a finite number")
     return value
