@@ -77,10 +77,11 @@ def check_sweeps(
     )
     data = _of_outputs(measured.response, len(structure.outputs))
     limit = settings.least_coherence(joint=data.estimate == "joint")
-    used = _used(measured, data, band_rad_s, limit)
+    model = _model(structure, parameters, measured.response)
+    # The decibels of a response that the model does not have, such as one whose parameters were dropped, judge nothing.
+    used = _used(measured, data, band_rad_s, limit) & np.any(model != 0.0, axis=-1, keepdims=True)
     if not used.any():
         raise _nothing_usable(band_rad_s, measured.trusted_rad_s, limit)
-    model = _model(structure, parameters, measured.response)
     costs = pair_costs(model, data.values, point_weights(data, used))
     pairs = {}
     for y, u in np.ndindex(used.shape[:2]):

@@ -339,6 +339,12 @@ def _require_instruments(
                 raise missing_channel(flight.record, name, remedy="name a channel of the log with --instrument")
 
 
+def _instruments_of(inputs: Sequence[str]) -> str:
+    """Names of the channels that would excite an input without feedback."""
+    axes = [name.removesuffix("_command") for name in inputs if is_command(name)]
+    return f"{axes[0]}_stick or {axes[0]}_excitation" if axes else "roll_stick or roll_excitation"
+
+
 def no_instrument(inputs: Sequence[str]) -> Finding:
     """The warning that only the direct estimate is available."""
     names = ", ".join(inputs)
@@ -346,7 +352,8 @@ def no_instrument(inputs: Sequence[str]) -> Finding:
         "closed_loop_bias",
         names,
         f"No excitation without feedback is logged for {names}, so the direct estimate was used. In closed loop "
-        "it is biased toward the inverse of the controller wherever gusts and noise dominate.",
+        "it is biased toward the inverse of the controller wherever gusts and noise dominate. Log the sticks or the "
+        f"injected signals, in a mapping as {_instruments_of(inputs)}.",
     )
 
 

@@ -165,6 +165,13 @@ def test_a_sweep_below_the_fitted_band_says_so(first: Fit) -> None:
         judged(first, ending(first.second, 11.0))
 
 
+def test_a_response_that_the_model_does_not_have_is_not_judged(first: Fit) -> None:
+    """Its parameters were dropped: zero has no decibels."""
+    silent = replace(first.fitted, parameters=first.fitted.parameters.fix("L_roll", 0.0))
+    with pytest.raises(InsufficientDataError, match="no point of its sweeps"):
+        judged(first._replace(fitted=silent), first.second)
+
+
 def test_a_log_of_another_vehicle_is_said_to_be_missed(first: Fit, record: FlightRecord) -> None:
     found = checked(first, changed(record, "other.csv", p=3.0, phi=3.0))
     # Three times the gain is 9.5 dB everywhere: a cost of about 20 times its square.
