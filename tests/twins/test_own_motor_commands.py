@@ -6,7 +6,6 @@ Columns, units and axes as an engineer of the Hummingbird's paper would log them
 
 from __future__ import annotations
 
-
 import numpy as np
 import pytest
 

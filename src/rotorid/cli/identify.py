@@ -311,7 +311,7 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
     from rich.table import Table
 
     from rotorid.report.words import status_word
-    from rotorid.results.verdicts import NOT_IDENTIFIED
+    from rotorid.results.verdicts import NOT_IDENTIFIED, error_of
 
     again = document.bootstrap
     table = Table(title=document.model, title_justify="left", box=None, pad_edge=False)
@@ -327,7 +327,8 @@ def _table(document: ResultDocument) -> tuple[Table, list[tuple[str, ...]]]:
         if parameter.status == "dropped":
             continue
         spread = [] if again is None else [f"{again.parameters[name].std:.2g}" if name in again.parameters else ""]
-        status, numbers = status_word(document, name), error_columns(parameter.value, parameter.std, digits=5)
+        std = error_of(name, parameter, document.findings)
+        status, numbers = status_word(document, name), error_columns(parameter.value, std, digits=5)
         percents = _percents(parameter)
         if status == NOT_IDENTIFIED:
             numbers, percents = (MISSING, ""), (MISSING, MISSING)

@@ -25,7 +25,7 @@ from rotorid.report.words import finding_heading, parameter_group, parameter_wor
 from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
 from rotorid.results.provenance import LoggedManeuver
 from rotorid.results.summary import PairCost, ParameterEstimate, Range
-from rotorid.results.verdicts import NOT_IDENTIFIED, Verdict, cost_verdict, response_verdict
+from rotorid.results.verdicts import NOT_IDENTIFIED, Verdict, cost_verdict, error_of, response_verdict
 
 _ON_AXIS = {
     "roll_command": ("p", "phi", "v", "ay", "p_dot", "v_dot"),
@@ -388,7 +388,9 @@ def parameter_rows(document: ResultDocument, truth: Mapping[str, float]) -> tupl
         ParameterRow(
             name=name,
             words=parameter_words(name),
-            value=with_error(parameter.value, parameter.std) if status != NOT_IDENTIFIED else MISSING,
+            value=MISSING
+            if status == NOT_IDENTIFIED
+            else with_error(parameter.value, error_of(name, parameter, document.findings)),
             unit=unit(parameter.unit),
             cramer_rao=_percent(parameter.cramer_rao_percent, CRAMER_RAO_GUIDELINE_PERCENT),
             insensitivity=_percent(parameter.insensitivity_percent, INSENSITIVITY_GUIDELINE_PERCENT),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from rotorid.data.quantity import percent, significant, with_error
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
 from rotorid.errors import UsageError
-from rotorid.results.verdicts import NOT_IDENTIFIED, has_value
+from rotorid.results.verdicts import NOT_IDENTIFIED, error_of, has_value
 
 if TYPE_CHECKING:
     from rotorid.documents.compare import CompareDocument, ComparedValueDocument
@@ -458,7 +458,11 @@ def _parameters(document: ResultDocument) -> Table:
         rows=tuple(
             (
                 name,
-                *((estimate.value, estimate.std, estimate.lower, estimate.upper) if known else (None,) * 4),
+                *(
+                    (estimate.value, error_of(name, estimate, document.findings), estimate.lower, estimate.upper)
+                    if known
+                    else (None,) * 4
+                ),
                 estimate.unit,
                 *((estimate.cramer_rao_percent, estimate.insensitivity_percent) if known else (None, None)),
                 estimate.status if known else NOT_IDENTIFIED,

@@ -42,7 +42,7 @@ from rotorid.results.summary import (
     RemovedFilters,
     UnseenCombination,
 )
-from rotorid.results.verdicts import NOT_IDENTIFIED, has_value, verdict
+from rotorid.results.verdicts import NOT_IDENTIFIED, error_of, has_value, verdict
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.propagation import Pole, covariance_of_all, pole_confidence
@@ -527,7 +527,8 @@ class IdentifiedModel(Immutable):
         for name, found in self.parameters.items():
             if found.status != "dropped":
                 known = has_value(name, found, self.findings)
-                value, std = error_columns(found.value, found.std, digits=5) if known else (MISSING, "")
+                error = error_of(name, found, self.findings)
+                value, std = error_columns(found.value, error, digits=5) if known else (MISSING, "")
                 bounds = (found.cramer_rao_percent, found.insensitivity_percent)
                 percents = ("" if bound is None else percent(bound) for bound in bounds)
                 yield name, value, std, found.unit, *percents, found.status if known else NOT_IDENTIFIED

@@ -271,3 +271,22 @@ def has_value(name: str, found: ParameterEstimate, findings: Iterable[FindingLik
     if found.std is None or found.std <= _UNKNOWN * abs(found.value):
         return True
     return not any(each.kind == "not_identifiable" and name in each.where.split(", ") for each in findings)
+
+
+_FITTED_FIRST = ("speed_damping_first", "speed_damping_biased")
+
+
+def error_of(name: str, found: ParameterEstimate, findings: Iterable[FindingLike]) -> float | None:
+    """Standard deviation of a parameter; of a speed damping that was fitted first and then fixed, that of its fit.
+
+    Examples
+    --------
+    >>> from rotorid.data.findings import remark
+    >>> fixed = ParameterEstimate(value=-0.23, std=None, unit="1/s", status="fixed")
+    >>> error_of("X_u", fixed, [remark("speed_damping_first", "X_u", "X_u = -0.23 was fitted first.", std=0.04)])
+    0.04
+    """
+    if found.std is not None or found.status != "fixed":
+        return found.std
+    first = (each.numbers for each in findings if each.kind in _FITTED_FIRST and each.where == name)
+    return next((numbers["std"] for numbers in first if "std" in numbers), None)

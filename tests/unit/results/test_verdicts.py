@@ -22,8 +22,8 @@ from rotorid.report.parts import cost_rows
 from rotorid.report.review import render_reviews
 from rotorid.report.words import document_verdict, summary
 from rotorid.results.model import IdentifiedModel, Refused
-from rotorid.results.summary import Cost, PairCost
-from rotorid.results.verdicts import LEVEL_OF, badge, cost_verdict, response_verdict, verdict
+from rotorid.results.summary import Cost, PairCost, ParameterEstimate
+from rotorid.results.verdicts import LEVEL_OF, badge, cost_verdict, error_of, response_verdict, verdict
 
 MISSED = warn("structure_error", "p/roll_command", "It misses.", model_error_percent=18.0)
 UNDECIDED = warn("structure_error", "p/roll_command", "It may miss.", model_error_percent=16.0, log_likelihood=1.0)
@@ -130,3 +130,11 @@ def test_what_was_refused_is_gray_and_says_why() -> None:
     assert (found.word, found.color, found.reason) == ("no model", "gray", "Nothing moved roll.")
     document = refused_document(refused)
     assert document.verdict == document_verdict(document) == found
+
+
+def test_a_number_that_was_fitted_first_keeps_its_error() -> None:
+    fixed = ParameterEstimate(value=-0.23, std=None, unit="1/s", status="fixed")
+    said = [remark("speed_damping_first", "X_u", "X_u was estimated first, and then fixed.", value=-0.23, std=0.04)]
+    assert error_of("X_u", fixed, said) == 0.04
+    assert error_of("Y_v", fixed, said) is None
+    assert error_of("X_u", replace(fixed, std=0.1, status="free"), said) == 0.1
