@@ -172,6 +172,11 @@ def best(runs: Runs, result: str) -> float:
     return float(runs[result].document["cross_validation"]["best"]["mean_percent"])
 
 
+def rate_delay(runs: Runs, place: int) -> Estimate:
+    one = runs["bebop-rates"].document["rates"][place]
+    return Estimate(one["delay_s"], one["std_s"])
+
+
 def dead_time(runs: Runs, channel: str) -> float:
     return float(runs["bebop-delay"].document["pairs"][f"{channel}/{channel}_setpoint"]["recommended"]["delay_s"])
 
@@ -545,10 +550,34 @@ LINES = (
         ),
     ),
     Line(
-        "bebop-delay",
+        "bebop-rates",
         "appendix D, fig 12",
-        Fact("runs of several rates", lambda runs: len(runs["bebop-delay"].document.get("rates", ())) > 2),
-        pending="the run is of one rate",
+        Fact("runs of several rates", lambda runs: len(runs["bebop-rates"].document.get("rates", ())) > 2),
+        *(
+            Number(
+                f"delay at {rate} Hz [s]",
+                of(rate_delay, place),
+                truth=bebop.FIRST_ORDER_DELAY["tau_theta"] + turns / bebop.LOOP_HZ,
+                within=within,
+                because=because,
+            )
+            for place, rate, turns, within, because in (
+                (0, 5, 0.5, 0.1, "half a sample"),
+                (1, 20, 0.5, 0.025, "half a sample"),
+                (2, 50, bebop.BUFFERED, 0.05, "a turn of the loop"),
+                (3, 100, bebop.BUFFERED, 0.05, "a turn of the loop"),
+            )
+        ),
+        has_kind("bebop-rates", "buffered_commands"),
+        Number(
+            "rate up to which commands do not wait [Hz]",
+            lambda runs: next(
+                one for one in runs["bebop-rates"].document["findings"] if one["kind"] == "buffered_commands"
+            )["numbers"]["rate_hz"],
+            paper=20.0,
+            within=0.1,
+            because="stamps",
+        ),
     ),
     Line(
         "bebop-central",

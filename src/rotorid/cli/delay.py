@@ -92,11 +92,13 @@ def _print(document: DelayDocument, folder: Path, *, verbose: bool = False) -> N
     for name in ("output behind input", "delay in ms", "95 % in ms", "samples", "what it is"):
         table.add_column(name, justify="left" if name in ("output behind input", "what it is") else "right")
     rows = []
+    sent = {(rate.record, f"{rate.output}/{rate.input}"): rate.rate_hz for rate in document.rates}
     for name, pair in document.pairs.items():
         rows.append((name.replace("/", " behind "), *_cells(pair.recommended)))
         for log, estimate in pair.records.items():
             shown = _cells(estimate)[:3] if estimate else ("not determined", "", "")
-            rows.append((f"  {log}", *shown, "lag of the same order"))
+            rate = f", commands at {significant(sent[log, name], digits=2)} Hz" if (log, name) in sent else ""
+            rows.append((f"  {log}{rate}", *shown, "lag of the same order"))
     if rows:
         print_table(table, rows, verbose=verbose, item="pair", page="")
     others = [

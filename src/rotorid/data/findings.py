@@ -290,6 +290,7 @@ KINDS: Mapping[str, Kind] = {
         "Two regressions disagree: acceleration on torque and the reverse, corrected for noise, or drag from the tilt "
         "and from the logged velocity.",
     ),
+    "buffered_commands": Kind("warning", "Commands wait", "Commands that come faster are answered later."),
     "channels_disagree": Kind(
         "warning",
         "Channels disagree",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
@@ -67,11 +68,30 @@ class DelayPairDocument(Document):
     maneuvers: list[ManeuverDocument]
 
 
+class CommandRateDocument(Document):
+    """Commands of one channel in one log: by the stamps ``rate_hz``, its ``jitter_s`` and ``longest_s`` interval.
+
+    ``hold_s`` is the median time for which a value stays. ``delay_s`` of ``output`` is ``null`` where the log alone
+    shows none.
+    """
+
+    record: str
+    input: str
+    output: str
+    rate_hz: float
+    jitter_s: float
+    longest_s: float
+    hold_s: float | None = None
+    delay_s: float | None = None
+    std_s: float | None = None
+
+
 class DelayDocument(Document):
-    """``delay.json``: delays by pair ``output/input``."""
+    """``delay.json``: delays by pair ``output/input``, and how often commands came."""
 
     schema_name: Annotated[Literal["rotorid.delay/1"], Field(alias="schema")] = "rotorid.delay/1"
     pairs: dict[str, DelayPairDocument] = Field(default_factory=dict)
+    rates: list[CommandRateDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 
@@ -79,7 +99,10 @@ class DelayDocument(Document):
 def delay_document(result: Delays | Refused) -> DelayDocument:
     """The document of delays; for a refusal only its findings."""
     pairs = {name: _pair(pair) for name, pair in getattr(result, "pairs", {}).items()}
-    return DelayDocument.model_validate({"pairs": pairs, "findings": result.findings, "provenance": result.provenance})
+    rates = [asdict(rate) for rate in getattr(result, "rates", ())]
+    return DelayDocument.model_validate(
+        {"pairs": pairs, "rates": rates, "findings": result.findings, "provenance": result.provenance}
+    )
 
 
 def _pair(pair: PairDelay) -> DelayPairDocument:

@@ -24,6 +24,7 @@ from rotorid.flights.instruments import axes_of, find_instrument, is_command, is
 from rotorid.flights.measure import measure
 from rotorid.flights.segments import cut, histories, other_sources, require_known_names
 from rotorid.flights.selection import chosen_maneuvers, default_pairs, each_once
+from rotorid.identifying.command_rates import CommandRate, buffered, command_rates
 from rotorid.io.records import as_records
 from rotorid.results.model import Records, Segment
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
@@ -108,11 +109,14 @@ class Delays(Immutable):
         Remarks, the grave ones first; an error for each pair that was refused because the data contradict a delay.
     provenance
         Where all of it came from.
+    rates
+        Of every pair and log, how often commands came and how late the answer was.
     """
 
     pairs: Mapping[str, PairDelay]
     findings: tuple[Finding, ...]
     provenance: Provenance
+    rates: tuple[CommandRate, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(pairs=self.pairs)
@@ -215,9 +219,11 @@ def delay(
             else "choose a pair with --input and --output",
             findings=refusals,
         )
+    rates = {name: _rates(pair) for name, pair in found.items()}
     remarks = (
         *(finding for record in records for finding in record.findings),
         *(finding for pair in found.values() for finding in pair.findings),
+        *(finding for of_pair in rates.values() for finding in buffered(of_pair)),
         *refusals,
     )
     flights = dict.fromkeys(flight for pair in found.values() for flight in pair.flights)
@@ -225,7 +231,17 @@ def delay(
         pairs=found,
         findings=worst_first(remarks),
         provenance=provenance(records, settings, flights=tuple(flights)),
+        rates=tuple(rate for of_pair in rates.values() for rate in of_pair),
     )
+
+
+def _rates(pair: PairDelay) -> tuple[CommandRate, ...]:
+    """Rates of the commands of a pair, with the delay of each log alone."""
+    delays = pair.alone or {pair.flights[0].record.source.name: pair.recommended}
+    logs = {id(flight.record) for flight in pair.flights}
+    if len(logs) != len(delays):  # without an order no log has a delay of its own
+        delays = {str(place): None for place in range(len(logs))}
+    return command_rates(pair.flights, pair.analysis.input, pair.analysis.output, delays)
 
 
 def refused_delay(

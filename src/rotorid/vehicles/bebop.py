@@ -354,3 +354,68 @@ def _picked(flight: SimulatedFlight, rng: np.random.Generator | None, jitter_s: 
     if rng is not None:
         places = places + jitter_s * flight.sample_rate_hz * rng.standard_normal(places.size)
     return np.unique(np.clip(np.rint(places), 0, flight.samples - 1).astype(np.int64))
+
+
+LOOP_HZ = 20.0
+"""Rate at which the vehicle takes commands, appendix D."""
+
+BUFFERED = 4
+"""Commands that wait at most; ours: the paper shows that they wait, not how many."""
+
+
+def commanded(
+    rate_hz: float,
+    *,
+    rng: np.random.Generator,
+    duration_s: float = 40.0,
+    buffered: int = BUFFERED,
+    noise_rad: float = 0.002,
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Steps of pitch that are sent at some rate to a vehicle that takes one command a turn, as in appendix D.
+
+    Commands wait in a queue for the loop of :data:`LOOP_HZ`, whose turns come half of one after the first command; one
+    that finds it full is lost. Slower ones never wait for each other. The vehicle answers by
+    :func:`first_order_delay`. The log is made in the loop that sends, at its rate.
+
+    Parameters
+    ----------
+    rate_hz
+        Of the commands: a whole part of 400 Hz.
+    rng
+        Of the steps, which are 0.8 to 2 s long, and of the noise.
+    buffered
+        Commands that wait at most; with none the newest is taken.
+    noise_rad
+        White noise of the angle, standard deviation.
+
+    Returns
+    -------
+    tuple
+        Stamps in s, and ``theta_setpoint theta``, each of the same shape.
+
+    Examples
+    --------
+    >>> time_s, columns = commanded(50.0, rng=np.random.default_rng(0), duration_s=4.0)
+    >>> time_s.size, sorted(columns)
+    (200, ['theta', 'theta_setpoint'])
+    """
+    from rotorid.simulation.linear import simulate_linear
+
+    every, turn = round(RATE_HZ / rate_hz), round(RATE_HZ / LOOP_HZ)
+    ends = np.cumsum(rng.uniform(0.8, 2.0, 2 + round(duration_s / 0.8)))
+    levels = LARGEST["pitch"] * rng.choice([-1.0, 0.0, 1.0], ends.size)
+    time_s = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+    sent = levels[np.searchsorted(ends, time_s[::every], side="right")]
+    waiting: list[float] = []
+    executed, taken = np.zeros(time_s.size), 0.0
+    for tick in range(time_s.size):
+        if tick % every == 0:
+            newest = float(sent[tick // every])
+            waiting = [*waiting, newest][:buffered] if buffered else [newest]
+        if tick % turn == turn // 2 and waiting:
+            taken = waiting.pop(0)
+        executed[tick] = taken
+    asked = np.stack([0.0 * executed, executed, 0.0 * executed])
+    theta = simulate_linear(first_order_delay(), asked, sample_rate_hz=RATE_HZ)
+    measured = theta[1, ::every] + noise_rad * rng.standard_normal(sent.size)
+    return time_s[::every], {"theta_setpoint": sent, "theta": measured}
