@@ -108,7 +108,7 @@ def yaw_drift(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quant
     windows = np.array(list(_windows(record, flights))).reshape(-1, 3)
     seconds = _WINDOW_S * windows.shape[0]
     if windows.shape[0] < _FEWEST:
-        why = f"The yaw stick rested for {seconds:.0f} s of level flight; {_FEWEST * _WINDOW_S:.0f} s are needed."
+        why = f"The yaw stick was centered for {seconds:.0f} s of level flight; {_FEWEST * _WINDOW_S:.0f} s are needed."
         return {}, [_missing("drift_rad_s", why, _REMEDY)]
     volts = windows[:, 2]
     numbers: dict[str, Quantity] = {}
@@ -140,7 +140,7 @@ def _voltage_gap(volts: FloatArray) -> str:
     needed = _LEAST_MOTION * float(np.median(volts))
     if high - low >= needed > 0.0:
         return ""
-    return f"The battery voltage changed by {high - low:.2f} V while the yaw stick rested; {needed:.2f} V are needed."
+    return f"The battery voltage changed by {high - low:.2f} V while the yaw stick was centered; {needed:.2f} V are needed."
 
 
 def _windows(record: FlightRecord, flights: Intervals) -> Iterator[tuple[float, float, float]]:

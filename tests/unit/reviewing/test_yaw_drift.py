@@ -50,7 +50,7 @@ def test_a_set_point_that_turns_is_not_at_rest() -> None:
     columns["psi_setpoint"] = 0.1 * columns["time"]
     numbers, gaps = found_in(columns)
     assert not numbers
-    assert gaps["yaw.drift_rad_s"].why == "The yaw stick rested for 0 s of level flight; 40 s are needed."
+    assert gaps["yaw.drift_rad_s"].why == "The yaw stick was centered for 0 s of level flight; 40 s are needed."
 
 
 def test_a_voltage_that_does_not_move_shows_no_slope() -> None:
