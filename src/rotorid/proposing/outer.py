@@ -44,6 +44,9 @@ _LOWEST_RAD_S = 0.03
 
 _DRAGS = ("Y_v", "X_u")
 
+_MOSTLY = 0.5
+"""Share of the likely attitude loops that have to be stable."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LoggedOuter(Immutable):
@@ -141,6 +144,8 @@ class OuterMaterial(Immutable):
         Of the plant.
     values
         Parameters of a file that will fly in place of those of the log.
+    lacking
+        Why an inner loop is not known; empty where all are.
     """
 
     given: tuple[IdentifiedModel, ...]
@@ -149,6 +154,7 @@ class OuterMaterial(Immutable):
     draws: int
     seed: int
     values: Mapping[str, float] = field(default_factory=dict)
+    lacking: str = ""
 
     def __post_init__(self) -> None:
         self._set(given=tuple(self.given), logs=tuple(self.logs), inner=self.inner, values=self.values)
@@ -215,7 +221,8 @@ def drag_of(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> D
 def _flown_drag(found: TiltDrag, source: str) -> Drag:
     value = found.drag.value
     if found.at_rest is not None:
-        calm = min(max(found.at_rest.value, _LEAST_LEFT * value), value)
+        own = found.at_rest
+        calm = min(max(own.value - (own.std or 0.0), _LEAST_LEFT * value), value)
     else:
         calm = max(value - _BODY_DRAG_1_M * found.airspeed_m_s[1], _LEAST_LEFT * value)
     return Drag(value, found.drag.std or 0.0, calm, source)
@@ -247,7 +254,8 @@ def velocity_plants(material: OuterMaterial) -> dict[str, UncertainPlant]:
     inner = {axis: one for axis, one in material.inner.items() if axis in ("roll", "pitch") and one.gains.A > 0.0}
     if not inner:
         raise InsufficientDataError(
-            "no attitude loop of roll or pitch is known", needed="one", remedy="fly the sweep that roll needs first"
+            f"no attitude loop of roll or pitch is known{f' ({material.lacking})' if material.lacking else ''}",
+            remedy="fly the sweep that roll needs first",
         )
     drag = drag_of(material.given, material.logs)
     return {axis: velocity_plant(one, drag, seed=material.seed) for axis, one in inner.items()}
@@ -265,6 +273,11 @@ def velocity_plant(inner: InnerLoop, drag: Drag, *, seed: int) -> UncertainPlant
     attitudes = attitude_response(inner, knots, drawn=True) / attitude_response(inner, knots, drawn=False)
     whole = known.drawn() * known.flown.parts(known.omega_rad_s, then=inner.then).whole(inner.gains)
     stable = loop_figures(known.omega_rad_s, whole, from_rad_s=known.plant.known_from_rad_s).stable > 0.0
+    if np.mean(stable) < _MOSTLY:
+        raise InsufficientDataError(
+            f"the attitude loop of {known.flown.axis} may be unstable, and the velocity loop is around it",
+            remedy=f"lower the gains of {known.flown.axis} first",
+        )
     # What flew was stable: of a draw that is not, there is no attitude to speak of.
     attitudes[~stable] = 1.0
     rng = np.random.default_rng(seed)
@@ -354,7 +367,7 @@ def known_outer(loop: LoopName, flown: OuterMaterial, new: OuterMaterial) -> tup
     omega = frequency_grid(own.controller.controller, loop)
     parts = own.parts(omega)
     plants, before = PLANTS[loop](new), PLANTS[loop](flown)
-    axis = max(plants, key=lambda name: _peak(before[name], parts, own))
+    axis = max(plants, key=lambda name: _peak(plants[name], parts, own))
     findings = [_unchecked(own)]
     if axis and len(plants) == 1:
         findings.append(_other_axis(loop, axis))

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -301,7 +300,7 @@ def tune(
     curve = None
     if chosen.filter_choice != "keep" and known:
         curve, known, chosen = _with_curve(known, chosen, thrust, findings)
-    cascade = _Cascade(given, logs, chosen, dict(known))
+    cascade = _Cascade(given, logs, chosen, dict(known), dict(refused))
     verdict = None
     if foreign is not None and (known or chosen.outer):
         verdict = judge_gains(
@@ -336,6 +335,7 @@ def tune(
         except Exception as failure:
             remarks = _refused(loop, failure)[1]
         findings += [finding for finding in remarks if finding not in findings]
+    findings += [finding for finding in cascade.findings if finding not in findings]
     if not axes:
         raise InsufficientDataError(
             "no axis can be tuned from this data",
@@ -406,7 +406,10 @@ class _Cascade:
         logs: Sequence[FlightRecord],
         settings: TuneSettings,
         known: Mapping[Axis, KnownAxis],
+        refused: Mapping[Axis, InsufficientDataError],
     ) -> None:
+        self.findings: list[Finding] = []
+        self._lacking = "; ".join(error.came for error in refused.values())
         self._asked, self._given, self._logs, self._settings = known, tuple(given), tuple(logs), settings
 
     @cached_property
@@ -415,7 +418,7 @@ class _Cascade:
         found, own = dict(self._asked), self._settings
         for axis in TUNED_AXES[:2]:
             if axis not in found and axis not in own.inner:
-                with suppress(InsufficientDataError):
+                try:
                     found[axis] = known_axis(
                         axis,
                         self._given,
@@ -423,8 +426,10 @@ class _Cascade:
                         filters=own.filters,
                         draws=own.draws,
                         seed=own.seed,
-                        findings=[],
+                        findings=self.findings,
                     )
+                except InsufficientDataError as error:
+                    self._lacking = self._lacking or error.came
         return found
 
     def outer(self, loop: LoopName, tuned: Mapping[LoopName, AxisTuning]) -> tuple[KnownAxis, list[Finding]]:
@@ -456,6 +461,7 @@ class _Cascade:
             draws=self._settings.draws,
             seed=self._settings.seed,
             values=values or {},
+            lacking=self._lacking,
         )
 
 
