@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.outer_fleet import MOST_PEAK, Row, one
+from benchmarks.outer_fleet import Row, one
+from benchmarks.tuning_fleet import MOST_PEAK
 
 pytestmark = pytest.mark.slow
 

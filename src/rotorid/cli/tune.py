@@ -165,6 +165,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         axis_sentences,
         following,
         headline,
+        is_checked,
         judged_sentences,
         limit_sentences,
         margin_lines,
@@ -212,8 +213,9 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         line(f"note: {message}")
     print_findings(document.findings, given, verbose=verbose)
     if flight := next_flight(document):
-        line(f"next: {flight} Then check that flight:")
-        line(f"  rotorid tune NEW_LOG --check {shlex.quote(str(folder))}", wrap=False)
+        line(f"next: {flight}{' Then check that flight:' if is_checked(document) else ''}")
+        if is_checked(document):
+            line(f"  rotorid tune NEW_LOG --check {shlex.quote(str(folder))}", wrap=False)
     if further := following(document):
         line(f"  {further}")
     if document.files:

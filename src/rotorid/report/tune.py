@@ -30,6 +30,7 @@ from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     following,
     headline,
+    is_checked,
     judged_sentences,
     limit_sentences,
     limiting,
@@ -221,6 +222,7 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         margins=margins,
         missed=missed_sentences(margins),
         next_flight=next_flight(document),
+        is_checked=is_checked(document),
         following=following(document),
         loading=named(document.autopilot).loading,
         axes=axes,

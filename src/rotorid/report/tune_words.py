@@ -383,6 +383,11 @@ def next_flight(document: TuneDocument) -> str:
     return f"Fly the new gains gently{sweep} and keep the old gains at hand."
 
 
+def is_checked(document: TuneDocument) -> bool:
+    """Whether a flight with the new gains can be compared with them: an outer loop is measured by no flight."""
+    return any(tuning.changed and not is_outer(axis) for axis, tuning in document.axes.items())
+
+
 def following(document: TuneDocument) -> str:
     """Whether a further flight brings better gains, in a sentence; empty where it does not."""
     paths = {axis: tuning.path for axis, tuning in document.axes.items() if tuning.path}

@@ -13,6 +13,7 @@ from rotorid.report.tune_words import (
     axis_sentences,
     following,
     headline,
+    is_checked,
     limiting,
     margin_lines,
     missed_sentences,
@@ -151,6 +152,17 @@ def test_the_headline_says_what_gets_better_and_what_to_watch() -> None:
     better, watch = headline(of(roll=new(0.25), yaw=new(0.9, noise=1.8, phase_deg=35.0, peak=1.69)))
     assert "tilts the vehicle 4 times less than today in roll and turns the vehicle 10 % less than today in y" in better
     assert "watch for yaw shaking at about 6.4 Hz, overshoot in yaw and hot motors" in watch
+
+
+def test_an_outer_loop_moves_the_vehicle_and_swings_slowly() -> None:
+    outer = new(0.4, noise=1.9)
+    outer.gains = {"PSC_NE_POS_P": SimpleNamespace(flown=1.0, proposed=1.3)}
+    better, watch = headline(of(velocity=outer))
+    assert better.endswith("a disturbance moves the vehicle 2.5 times less than today.")
+    assert "watch for slow swings of the position at about 6.4 Hz; if" in watch
+    assert axis_sentences(of(velocity=outer)) == (("Velocity: position P 1 → 1.3.", ""),)
+    assert not is_checked(of(velocity=outer))
+    assert is_checked(of(velocity=outer, roll=new(0.5)))
 
 
 def test_the_headline_of_safer_gains_names_their_price() -> None:
