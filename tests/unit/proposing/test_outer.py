@@ -148,6 +148,8 @@ def test_a_file_of_one_generation_is_read_in_the_units_of_the_other(
     assert as_logged({old: value}, {new: 1.0}) == pytest.approx({new: then})
     assert as_logged({new: then}, {old: 1.0}) == pytest.approx({old: value})
     assert as_logged({old: value}, {old: 1.0}) == {old: value}
+    with pytest.raises(UsageError, match="one gain with two values"):
+        as_logged({old: value, new: 2.0 * then}, {new: 1.0})
 
 
 def test_a_velocity_plant_is_the_attitude_loop_over_drag() -> None:

@@ -22,6 +22,7 @@ and ``libraries/AC_PID``; ardupilot_wiki ``common-param-name-changes``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -29,6 +30,7 @@ from typing import NamedTuple
 
 from rotorid.autopilots.ardupilot.autopilot import ARDUPILOT
 from rotorid.autopilots.px4.autopilot import PX4
+from rotorid.errors import UsageError
 from rotorid.models.autopilots.climb import CLIMB, read_climb
 from rotorid.models.autopilots.settings import AxisController, Parameter, present
 from rotorid.models.controller import RateController
@@ -84,17 +86,25 @@ def as_logged(values: Mapping[str, float], logged: Mapping[str, float]) -> dict[
     logged
         Parameters of the log.
 
+    Raises
+    ------
+    UsageError
+        A gain has both names, with two values.
+
     Examples
     --------
     >>> as_logged({"PSC_ACCZ_P": 0.5, "ATC_ANG_RLL_P": 4.5}, {"PSC_D_ACC_P": 0.04})
     {'PSC_D_ACC_P': 0.05, 'ATC_ANG_RLL_P': 4.5}
     """
     back = {new: (old, 1.0 / factor) for old, (new, factor) in RENAMED.items()}
-    found = {}
+    found: dict[str, float] = {}
     for name, value in values.items():
         other, factor = RENAMED.get(name) or back.get(name) or (name, 1.0)
         known = name in logged or other not in logged
-        found[name if known else other] = value if known else value * factor
+        own, own_value = (name, value) if known else (other, value * factor)
+        if not math.isclose(found.get(own, own_value), own_value, rel_tol=1e-6):
+            raise UsageError(f"{name} and {other} are one gain with two values", needed="one of them")
+        found[own] = own_value
     return found
 
 
