@@ -285,6 +285,7 @@ def propose(
     omega = parts.omega_rad_s
     drawn = plant.drawn(omega)
     flown = judged(flown_parts or parts, drawn, Gains.of(controller), from_rad_s=plant.known_from_rad_s)
+    wishes = replace(wishes, angle_room=_angle_room(flown, wishes))
     reasons: list[str] = []
     plants = _Plants(nominal=plant.response(omega)[None], drawn=drawn, from_rad_s=plant.known_from_rad_s)
     best = _searched(axis, parts, plants, flown, wishes, reasons, ends)
@@ -332,6 +333,17 @@ def propose(
         better=better,
         reasons=tuple(map(KINDS[axis].worded, reasons)),
     )
+
+
+def _angle_room(flown: Judged, wishes: Wishes) -> float:
+    """Least crossover over A: of gains that flew with less, less where the firmware takes no A that is low enough.
+
+    ArduPilot's yaw crosses over at 3 rad/s, and its A is 3 and more: M_s of the whole loop limits it.
+    """
+    lowest, crossover = wishes.ranges.get("A", (0.0, 0.0))[0], flown.rate.usual_crossover_rad_s
+    if lowest <= 0.0 or flown.gains.A <= 0.0 or crossover >= wishes.angle_room * lowest:
+        return wishes.angle_room
+    return min(wishes.angle_room, crossover / flown.gains.A)
 
 
 def steps_beyond(

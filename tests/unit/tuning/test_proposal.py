@@ -307,3 +307,23 @@ def test_robustness_is_told_in_words() -> None:
     assert "the phase drops 29°" in robustness_in_words(2.0)
     assert "firm" in robustness_in_words(2.0)
     assert "AutoTune" in robustness_in_words(2.5)
+
+
+@pytest.mark.parametrize("lowest", [0.0, 3.0])
+def test_a_slow_yaw_may_keep_its_angle_gain_where_the_firmware_takes_no_lower_one(lowest: float) -> None:
+    """ArduPilot's yaw: an error filter of 2.5 Hz, a crossover of 3 rad/s, and no A below 3 1/s."""
+    plant = uncertain_plant(
+        lambda omega: 20.0 / (1j * omega) * np.exp(-0.003j * omega), None, band_rad_s=(0.6, 60.0), draws=40
+    )
+    flown = RateController(
+        proportional_s=0.16, integral=0.01, angle_1_s=4.5, error_cutoff_hz=2.5, step_s=1.0 / 400.0, late_integral=True
+    )
+    found = propose("yaw", plant, flown, wishes=Wishes(ranges={"A": (lowest, 12.0)}))
+    crossover = found.proposed.rate.usual_crossover_rad_s
+    if lowest == 0.0:
+        assert not found.changed or crossover >= 2.9 * found.proposed.gains.A
+        return
+    assert found.changed
+    assert lowest <= found.proposed.gains.A
+    assert crossover < 3.0 * found.proposed.gains.A
+    assert np.quantile(found.proposed.whole.sensitivity_peak, 0.95) <= 1.72
