@@ -12,7 +12,8 @@ from tests.unit.tuning.gain_files import parsed
 from rotorid.autopilots.registry import named
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Source
-from rotorid.errors import UsageError
+from rotorid.errors import InsufficientDataError, UsageError
+from rotorid.flights.filter_effects import ratio_at_slowest
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.proposing.axis import differing_gains
@@ -328,3 +329,26 @@ def test_a_curve_of_thrust_moves_every_axis_or_stays(least: float, others: tuple
         assert (back["ATC_RAT_YAW_FF"], back["MOT_THST_EXPO"]) == (pytest.approx(0.02), 0.0)
     else:
         assert found.thrust.hover_demand == 0.25
+
+
+def test_a_notch_that_follows_unknown_speeds_is_not_flown_as_if_it_were_none() -> None:
+    """It lags too: without the speeds nobody knows how much."""
+    flown = log(IMU_GYRO_DNF_EN=0.0)
+    then = with_filters(flown, {"IMU_GYRO_DNF_EN": 1.0})
+    with pytest.raises(InsufficientDataError):
+        ratio_at_slowest(flown, then, np.array([30.0]))
+    np.testing.assert_array_equal(ratio_at_slowest(flown, flown, np.array([30.0])), [1.0])
+
+
+def test_a_notch_that_was_off_has_its_parameters_all_the_same() -> None:
+    """ArduPilot hides them until it is on."""
+    source = Source(name="flight.bin", format="ArduPilot DataFlash", sha256="", firmware="ArduCopter V4.6.2")
+    record = FlightRecord(source=source, topics=(), parameters={"INS_HNTCH_ENABLE": 0.0, "INS_GYRO_FILTER": 40.0})
+    wanted = {"INS_HNTCH_ENABLE": 1.0, "INS_HNTCH_FREQ": 90.0, "INS_HNTCH_MODE": 0.0}
+    then = with_filters(record, wanted)
+    assert then.parameters["INS_HNTCH_FREQ"] == 90.0
+    assert then.parameters["INS_HNTCH_BW"] == 40.0
+    assert changed_filters(record, wanted)["INS_HNTCH_FREQ"] == (80.0, 90.0)
+    size = abs(ratio_at_slowest(record, then, 2.0 * np.pi * np.array([90.0]))[0])
+    # The second harmonic takes a little more.
+    assert size == pytest.approx(10.0 ** (-40.0 / 20.0), rel=0.1)
