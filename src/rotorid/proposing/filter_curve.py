@@ -28,8 +28,14 @@ from rotorid.tuning.loops import Gains, loop_figures, over_draws
 from rotorid.tuning.proposal import Judged, Wishes, judged, propose
 from rotorid.typing import Axis, FloatArray
 
-BUDGETS_DEG = (-6.0, -1.0, 2.0, 8.0)
-"""Phase that a set may cost at the crossover of the flown loop: for each the one with the least noise is tried."""
+SETS = 4
+"""Sets of filters that are tried with gains, besides the flown ones."""
+
+MOST_COST_DEG = 12.0
+"""Most phase that a set may cost at the crossover of the flown loop: gains would have to give it back."""
+
+_QUIETER = 0.97
+"""Noise over that of the set before, up to which a set that costs more is worth a look."""
 
 _NOISE_LIMITS = (1.0, 0.5)
 """Noise that gains may make over the flown ones, besides the limit that was asked for."""
@@ -214,15 +220,18 @@ def _loop(known: KnownAxis) -> KnownLoop | None:
 
 
 def _spread(sets: Sequence[FilterSet]) -> list[FilterSet]:
-    """The flown filters, and for each budget of phase the set with the least noise."""
+    """The flown filters, and some of those that no other set beats in phase and noise, evenly from loud to quiet."""
     flown, *others = sets
-    found = [flown]
-    for budget in BUDGETS_DEG:
-        fit = [one for one in others if one.cost_deg <= budget]
-        best = min(fit, key=lambda one: (one.rms, len(one.changes)), default=None)
-        if best is not None and best not in found and best.rms < max(one.rms for one in fit):
-            found.append(best)
-    return found
+    front: list[FilterSet] = []
+    for one in sorted(others, key=lambda one: (one.cost_deg, one.rms, len(one.changes))):
+        if one.cost_deg <= MOST_COST_DEG and (not front or one.rms < _QUIETER * front[-1].rms):
+            front.append(one)
+    if not front:
+        return [flown]
+    levels = np.log([one.rms for one in front])
+    wanted = np.linspace(levels[0], levels[-1], SETS)
+    chosen = dict.fromkeys(int(np.abs(levels - level).argmin()) for level in wanted)
+    return [flown, *(front[place] for place in chosen)]
 
 
 def _powers(record: FlightRecord, noise: GyroNoise, controller: object, then: FlightRecord, axis: Axis) -> FloatArray:
