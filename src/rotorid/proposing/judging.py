@@ -408,14 +408,24 @@ def _require_same_vehicle(gains: GainFile, values: Mapping[str, float], flown: F
     return found
 
 
-def _require_same_firmware(gains: GainFile, flown: FlownLoop) -> None:
-    """Refuse gains of another autopilot, or of a version that computes another controller from them."""
-    autopilot, where = flown.controller.autopilot, flown.record.source.name
-    if gains.autopilot and gains.autopilot != autopilot:
+def require_same_autopilot(gains: GainFile, record: FlightRecord, autopilot: str) -> None:
+    """Refuse gains of another autopilot than that of a log.
+
+    Raises
+    ------
+    UsageError
+        They are of another one.
+    """
+    if gains.autopilot and autopilot and gains.autopilot != autopilot:
         raise UsageError(
-            f"{gains.name} contains gains of {gains.autopilot}, but {where} is from {autopilot}",
+            f"{gains.name} contains gains of {gains.autopilot}, but {record.source.name} is from {autopilot}",
             needed=f"gains of {autopilot}",
         )
+
+
+def _require_same_firmware(gains: GainFile, flown: FlownLoop) -> None:
+    """Refuse gains of another autopilot, or of a version that computes another controller from them."""
+    require_same_autopilot(gains, flown.record, flown.controller.autopilot)
     theirs, ours = versions_of(gains.firmware), version_of(flown.controller.firmware)
     if gains.autopilot != betaflight.NAME or not theirs or ours is None:
         return

@@ -35,7 +35,7 @@ from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, neede
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
-from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains
+from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains, require_same_autopilot
 from rotorid.proposing.outer import InnerLoop, OuterMaterial, known_outer, with_values
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
@@ -281,6 +281,9 @@ def tune(
     findings += [*require_one_autopilot(given, logs), *differing_gains(chosen.inner, logs)]
     settings_from = settings_records(given, logs)
     autopilot = next((name for record in settings_from if (name := writer_of(record).name)), "")
+    if foreign is not None and settings_from:
+        # Before the long work.
+        require_same_autopilot(foreign, next(iter(settings_from)), autopilot)
     thrust = linearization(given, next(iter(settings_from), None), autopilot=autopilot, seed=chosen.seed)
     findings += [*thrust.findings, *_thrust_remarks(thrust)] if thrust is not None else []
     known: dict[Axis, KnownAxis] = {}

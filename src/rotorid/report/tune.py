@@ -123,6 +123,7 @@ class TunedAxis:
     pictures: tuple[Picture, ...]
     filters: tuple[FilterPriceDocument, ...]
     ends: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
     sliders: tuple[Slider, ...]
     by_hand: Picture
 
@@ -478,6 +479,7 @@ def _axis(axis: LoopName, document: AxisTuneDocument, tuning: AxisTuning, scale:
         pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
+        notes=tuple(document.notes),
         # The page's own steps are those of an attitude.
         sliders=() if is_outer(axis) else _sliders(tuning),
         by_hand=Picture(

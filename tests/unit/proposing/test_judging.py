@@ -11,6 +11,7 @@ import pytest
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controllers import controllers_of
+from rotorid.proposing import tune
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.judging import JudgedGains, judge_axis, judge_gains, load_gains
@@ -307,3 +308,9 @@ def test_what_to_lower_is_a_whole_number_where_the_firmware_has_only_those() -> 
     assert roll.verdict == "do_not_fly"
     assert roll.lower
     assert all(value == pytest.approx(round(value), abs=1e-9) for value in roll.lower.values())
+
+
+def test_gains_of_another_autopilot_are_refused_before_the_long_work() -> None:
+    """A log without a flight: what fails first is the file."""
+    with pytest.raises(UsageError, match=r"x contains gains of ArduPilot, but flight.log is from PX4"):
+        tune(records=log(PX4), judge=read_gains("ATC_RAT_RLL_P,0.1", name="x"))
