@@ -78,7 +78,7 @@ def headline(document: TuneDocument) -> tuple[str, ...]:
     if others:
         found.append(f"New gains for {listed(others)}. With the new gains, {_disturbance(document, others)}.")
     if safer:
-        why = "today's are close to shaking"
+        why = "today's have too little margin"
         found.append(f"Safer gains for {listed(safer)}: {why}. The price: {_disturbance(document, safer)}.")
     return (*found, _watch(changed))
 

@@ -169,7 +169,7 @@ def test_the_headline_of_safer_gains_names_their_price() -> None:
     better, safer, _ = headline(of(roll=new(0.5), yaw=new(4.8, today=True)))
     assert better.startswith("New gains for roll.")
     assert safer == (
-        "Safer gains for yaw: today's are close to shaking. "
+        "Safer gains for yaw: today's have too little margin. "
         "The price: a disturbance turns the vehicle 4.8 times more than today."
     )
 
