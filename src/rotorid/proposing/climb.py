@@ -22,6 +22,7 @@ import numpy as np
 from rotorid.data.base import cached_by_value
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import REFUSED_PEAK
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.hover import hover_throttle
 from rotorid.flights.measure import measure
@@ -36,7 +37,6 @@ from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.excitations import rich_excitations
 from rotorid.spectral.derived import corrected, multiplied
-from rotorid.tuning.judging import REFUSED_PEAK
 from rotorid.tuning.loops import frequency_grid, loop_figures
 from rotorid.tuning.plant import UncertainPlant, uncertain_plant
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
