@@ -90,6 +90,7 @@ class Row:
     hard: bool
     refused: str = ""
     changed: bool = False
+    capped: bool = False
     stable: bool = True
     peak: float = np.nan
     inside: dict[str, bool] = field(default_factory=dict)
@@ -185,6 +186,7 @@ def one(task: tuple[int, Axis, bool]) -> Row:
             return row
         axis_first = first.axes[axis]  # type: ignore[index]
         row.changed = axis_first.proposal.changed
+        row.capped = any("in one flight" in reason for reason in axis_first.proposal.reasons)
         names = NAMES[craft.autopilot.kind, axis]
         held = {name: after for name, (_, after) in axis_first.parameters.items() if name in names}
         proposed = axis_first.proposal.proposed

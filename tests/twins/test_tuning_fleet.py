@@ -54,9 +54,12 @@ def test_the_sluggish_are_stiffer(rows: list[Row]) -> None:
 
 
 def test_no_proposal_is_soft(rows: list[Row]) -> None:
-    """What is reached of the next test: most within a quarter of the best, none below a third."""
+    """What is reached of the next test: most within a quarter of the best, none below a third.
+
+    Where the step of one flight ends a proposal (yaw of ArduPilot: P doubles), the best lies a flight further.
+    """
     stiffness = np.array([row.stiffness for row in flown(rows)])
-    assert np.mean(stiffness >= 0.75) >= 0.7
+    assert np.mean([row.stiffness >= 0.75 for row in flown(rows) if not row.capped]) >= 0.7
     assert stiffness.min() >= 1.0 / 3.0
 
 
