@@ -11,7 +11,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.gyro_noise import gyro_noise
-from rotorid.loops.filter_choice import NOISY, FilterProposal, KnownLoop, propose_filters
+from rotorid.loops.filter_choice import NOISY, FilterPart, FilterProposal, KnownLoop, propose_filters
 from rotorid.models.autopilots.betaflight_settings import command_line_name
 from rotorid.reviewing.card import Card, State, together
 from rotorid.reviewing.values import MarginReview, Review, Unavailable
@@ -28,8 +28,8 @@ _SCALE = f"below {100.0 * NOISY:g} % is quiet"
 _WORDS: Mapping[FilterGroup, str] = {
     "moving notch": "a notch that follows the motors",
     "fixed notch": "a notch at the resonance",
-    "gyro low-pass": "another gyro low-pass",
-    "D low-pass": "another D low-pass",
+    "gyro low-pass": "gyro low-pass",
+    "D low-pass": "D low-pass",
 }
 
 
@@ -105,7 +105,7 @@ def filter_card(review: Review) -> Card:
             headline=why,
             remedy="" if gap is None else gap.remedy,
         )
-    number = f"{100.0 * found.rms:.2g} % of the motor range"
+    number = f"noise {100.0 * found.rms:.2g} % of the motor range"
     unchecked = f"Not checked: {listed(list(found.unchecked))}." if found.unchecked else ""
     card = Card(key="filters", title=TITLE, state="good", headline="", number=number, scale=_SCALE)
     if found.changed:
@@ -125,13 +125,20 @@ def _with(card: Card, state: State, headline: str, details: str) -> Card:
 
 
 def _changed_words(found: FilterProposal) -> str:
-    what = listed([_WORDS[part.group] for part in found.parts])
+    what = listed([_part_words(part) for part in found.parts])
     worst = max(found.proposed.costs_deg.values(), key=lambda cost: cost.value)
     if found.need == "margin":
         more = -found.saves_percent.value
         return f"{capital(what)} would give {-worst.value:.1f}° more phase margin, for {more:.0f} % more motor noise."
     cost = f"for {worst.value:.1f}° of phase" if worst.value > 0.05 else "without a loss of phase"
     return f"{capital(what)} would cut motor noise by {_percent(found.saves_percent)} {cost}."
+
+
+def _part_words(part: FilterPart) -> str:
+    if part.group in ("moving notch", "fixed notch"):
+        return _WORDS[part.group]
+    lower = any(flown is not None and new < flown for flown, new in part.values.values())
+    return f"a {'lower' if lower else 'higher'} {_WORDS[part.group]}"
 
 
 def _percent(quantity: Quantity) -> str:
