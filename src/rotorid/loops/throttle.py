@@ -19,12 +19,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
-from rotorid.data.record import FlightRecord
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.segments import cut
 from rotorid.flights.selection import by_stick
 from rotorid.loops.plants import MeasuredPlant
 from rotorid.signal.excitations import rich_excitations
+from rotorid.signal.motors import logged_outputs
 from rotorid.typing import ComplexArray, FloatArray, IntArray
 
 _THROTTLE = "thrust_command"
@@ -66,11 +67,10 @@ def at_hover_throttle(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> 
     MeasuredPlant
         With ``gain_error``: the random error of the correction, and half of the correction.
     """
-    axis = plant.axis
-    logs = [record for record in records if _THROTTLE in record.channel_names]
-    if not logs or any(rich_excitations(record, axis) for record in logs):
+    throttle = _throttle(records)
+    if not throttle or any(rich_excitations(record, plant.axis) for record in records):
         return plant
-    spectra = _spectra(plant, logs)
+    spectra = _spectra(plant, records, throttle)
     if spectra is None:
         return plant
     ratio = _hover_over_mean(spectra)
@@ -84,17 +84,35 @@ def at_hover_throttle(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> 
     return replace(plant, response=replace(plant.response, values=values), gain_error=error)
 
 
-def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> _Spectra | None:
+def _throttle(records: Sequence[FlightRecord]) -> tuple[str, ...]:
+    """Channels whose mean is the throttle in every log: motors, since mixers move it away from its command."""
+    motors = {_fast_motors(record) for record in records}
+    if len(motors) == 1 and (found := motors.pop()):
+        return found
+    return (_THROTTLE,) if all(_THROTTLE in record.channel_names for record in records) else ()
+
+
+def _fast_motors(record: FlightRecord) -> tuple[str, ...]:
+    """Outputs of all motors, where they are logged as fast as a rate loop needs."""
+    try:
+        outputs = logged_outputs(record)
+    except InsufficientDataError:
+        return ()
+    return outputs.names if outputs.sample_rate_hz >= LOWEST_RATE_HZ else ()
+
+
+def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord], throttle: tuple[str, ...]) -> _Spectra | None:
     """Spectra of all windows; ``None`` where the throttle rests, or the flight is too short."""
     command, rate = f"{plant.axis}_command", RATE_OF[plant.axis]
     try:
-        segments, _ = cut(by_stick(records, (plant.axis,)), channels=(plant.channel, command, rate, _THROTTLE))
+        segments, _ = cut(by_stick(records, (plant.axis,)), channels=(plant.channel, command, rate, *throttle))
     except InsufficientDataError:
         return None
     histories = [segment.history for segment in segments]
-    throttle = np.concatenate([history[_THROTTLE] for history in histories])
-    hover = float(np.median(throttle))
-    if hover <= 0.0 or not np.std(throttle) > _STEADY * hover:
+    levels = [np.mean([history[name] for name in throttle], axis=0) for history in histories]
+    every = np.concatenate(levels)
+    hover = float(np.median(every))
+    if hover <= 0.0 or not np.std(every) > _STEADY * hover:
         return None
     sample_s = 1.0 / histories[0].sample_rate_hz
     count = round(_WINDOW_S / sample_s)
@@ -104,8 +122,8 @@ def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> _Spectra 
     if lines.size < _FEWEST_LINES:
         return None
     found: list[list[ComplexArray]] = [[] for _ in range(5)]
-    for history in histories:
-        apart = history[_THROTTLE] / hover - 1.0
+    for history, level in zip(histories, levels, strict=True):
+        apart = level / hover - 1.0
         stick, asked = history[plant.channel], history[command]
         for rows, values in zip(found, (stick, apart * stick, asked, apart * asked, history[rate]), strict=True):
             rows.append(_windows(values, count)[:, lines])

@@ -44,6 +44,7 @@ from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.results.model import IdentifiedModel, Records, Refused
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.option import as_settings
+from rotorid.signal.excitations import rich_excitations
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
@@ -674,7 +675,6 @@ def _remarks(axes: Mapping[LoopName, AxisTuning], settings_from: Sequence[Flight
     """Why gains do not change, what limits them, and which sweep would measure more."""
     short = [axis for axis in TUNED_AXES if axis in axes and _ends_early(axes[axis])]
     command = sweep_for_tune(settings_from[0], short) if short and settings_from else ""
-    plan = f", planned by: {command}" if command else "."
     for axis, tuned in axes.items():
         if tuned.proposal.reasons:
             words = "; ".join(tuned.proposal.reasons)
@@ -682,13 +682,24 @@ def _remarks(axes: Mapping[LoopName, AxisTuning], settings_from: Sequence[Flight
             yield remark("tuning_bound", axis, f"The gains of {axis} {what}: {words}.")
         if axis in short:
             crossover, top = tuned.proposal.proposed.rate.usual_crossover_rad_s, tuned.plant.band_rad_s[1]
+            loop = "new loop" if tuned.proposal.changed else "loop"
             message = (
-                f"{capital(axis)} was measured up to {_hz(top)}, close to the crossover of the new loop "
-                f"({_hz(crossover)}), "
-                f"so the margins rely on the model. Fly a sweep up to {_hz(tuned.needed_rad_s)}{plan}"
+                f"{capital(axis)} was measured up to {_hz(top)}, close to the crossover of the {loop} "
+                f"({_hz(crossover)}), so the margins rely on the model. "
+                f"{_next_flight(axis, settings_from, tuned.needed_rad_s, command)}"
             )
             numbers = {"crossover_rad_s": crossover, "needed_rad_s": tuned.needed_rad_s}
             yield warn("band_below_crossover", axis, message, **numbers)
+
+
+def _next_flight(axis: Axis, logs: Sequence[FlightRecord], needed_rad_s: float, command: str) -> str:
+    """The flight that shows an axis up to a frequency, as a sentence: a sweep, or 30 s in acro after one by stick."""
+    sweep = f"fly a sweep up to {_hz(needed_rad_s)}{f', planned by: {command}' if command else ''}"
+    flown = [record for record in logs if record.topics]
+    if not flown or any(rich_excitations(record, axis) for record in flown):
+        return capital(sweep if command else f"{sweep}.")
+    by_stick = f"With a steady throttle, fly 30 s in acro with fast {axis} flicks"
+    return f"{by_stick}; or {sweep}" if command else f"{by_stick}."
 
 
 def _hz(omega_rad_s: float) -> str:

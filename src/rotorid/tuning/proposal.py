@@ -299,7 +299,7 @@ def propose(
     if best is None:
         if hot := _broken_limit(flown, plant, wishes):
             lower = "I" if _swings_slowly(flown, flown_parts or parts, plants) else "P and D"
-            reasons.append(f"today {hot}: lower {lower} by hand and fly the sweep again")
+            reasons.append(f"today {hot}: lower {lower} by hand and fly again")
         return AxisProposal(
             axis=axis,
             controller=controller,
