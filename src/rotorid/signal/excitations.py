@@ -84,6 +84,9 @@ _ACTIVE_SHARE = 0.1
 _TAIL_SHARE = 0.005
 """Share above which an active stretch goes on."""
 
+_LEAST_OF_SWEEP = 0.25
+"""Size of a short maneuver over that of a sweep of the same signal from which it is no correction of the pilot."""
+
 _LONGEST_REST_S = 1.6
 """Rests as long belong to the excitation."""
 
@@ -667,8 +670,11 @@ def _in_signal(
         elif drifting is not None and band is not None:
             # What drifts hides half periods where the sweep is fast.
             band = band[0], max(band[1], drifting[2][1])
-        maneuvers.append(Maneuver(axis=axis, kind=kind, start_s=start_s, stop_s=stop_s, band_rad_s=band, signal=name))
-    return maneuvers
+        found = Maneuver(axis=axis, kind=kind, start_s=start_s, stop_s=stop_s, band_rad_s=band, signal=name)
+        maneuvers.append((found, float(np.abs(part).max())))
+    swept = max((size for found, size in maneuvers if found.kind in RICH_KINDS), default=0.0)
+    # Next to a sweep a hand that keeps the place makes shapes too.
+    return [found for found, size in maneuvers if found.kind in RICH_KINDS or size >= _LEAST_OF_SWEEP * swept]
 
 
 def _sweep_in_drift(time_s: FloatArray, motion: FloatArray) -> tuple[float, float, tuple[float, float]] | None:

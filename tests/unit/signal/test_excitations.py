@@ -370,3 +370,10 @@ def test_doublets_by_hand_do_not_hide_the_sweep_of_a_program() -> None:
     answered = record({"roll_stick": slow, "phi_setpoint": inner})
     assert [m.kind for m in find(slow, channel="roll_stick")] == ["sweep"]
     assert [m.signal for m in rich_excitations(answered, "roll")] == ["phi_setpoint"]
+
+
+@pytest.mark.parametrize(("size", "kinds"), [(0.15, ["sweep"]), (0.5, ["doublet", "sweep"])])
+def test_a_hand_that_keeps_the_place_flies_no_doublets_next_to_a_sweep(size: float, kinds: list[str]) -> None:
+    push = size * doublet(amplitude=0.1, pulse_s=0.8, sample_rate_hz=RATE_HZ)
+    found = find(np.concatenate([rest(5.0), push, rest(5.0), pilot(), rest(5.0)]))
+    assert [maneuver.kind for maneuver in found] == kinds
