@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +14,7 @@ from rotorid.data.display import counted
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.result import MODEL, model_of, read_result, read_text
 from rotorid.documents.results import result_files
+from rotorid.documents.review import QuantityDocument
 from rotorid.errors import UsageError
 from rotorid.flying.step_responses import StepPair, compared_steps
 from rotorid.identifying.comparison import ComparedManeuver, Comparison, Entry, OnLogsSummary, basis_of, scored_outputs
@@ -21,6 +23,7 @@ from rotorid.models.parameter import Status
 from rotorid.models.toml import structure_from_toml
 from rotorid.results.summary import DelayBudget, FitVerdict, ParameterEstimate, PoleEstimate, SignalScore, finite
 from rotorid.results.verdicts import has_value, verdict
+from rotorid.reviewing.measured_steps import with_measured
 from rotorid.uncertainty.differences import Difference, Verdict, differences
 from rotorid.verification.fixed_parameters import Kind
 
@@ -112,12 +115,21 @@ class ComparedStepDocument(Document):
     rise_std_s: float | None
 
 
+class MeasuredStepDocument(Document):
+    """Rise time of a step response as a log shows it; ``why`` is the reason where the log does not."""
+
+    log: str
+    rise_time_s: QuantityDocument | None
+    why: str = ""
+
+
 class ComparedStepsDocument(Document):
-    """Step responses of one pair under several models, by the label of the result."""
+    """Step responses of one pair under several models, by the label of the result, and in the logs."""
 
     input: str
     output: str
     models: dict[str, ComparedStepDocument]
+    measured: list[MeasuredStepDocument] = Field(default_factory=list)
 
 
 class CompareDocument(Document):
@@ -163,9 +175,13 @@ def compare_document(found: Comparison, steps: Sequence[StepPair] | None = None)
     )
 
 
+@lru_cache(maxsize=1)
 def steps_of(found: Comparison) -> tuple[StepPair, ...]:
-    """Step responses of the models of a comparison whose equations are known."""
-    return compared_steps({entry.label: entry.model for entry in found.entries if entry.scored})
+    """Step responses of the models of a comparison whose equations are known, with those that its logs show."""
+    # A page, its figures and its document ask one after the other.
+    return with_measured(
+        compared_steps({entry.label: entry.model for entry in found.entries if entry.scored}), found.records
+    )
 
 
 def _steps(pair: StepPair) -> ComparedStepsDocument:
@@ -178,6 +194,14 @@ def _steps(pair: StepPair) -> ComparedStepsDocument:
             )
             for label, step in pair.models.items()
         },
+        measured=[
+            MeasuredStepDocument(
+                log=step.log,
+                rise_time_s=None if step.rise is None else QuantityDocument.model_validate(step.rise),
+                why=step.why,
+            )
+            for step in pair.measured
+        ],
     )
 
 

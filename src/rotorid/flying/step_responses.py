@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
+from rotorid.data.quantity import Quantity
 from rotorid.errors import RotoridError
 from rotorid.flying.flown_models import band_of, drawn_values, with_values
 from rotorid.models.structure import answers
@@ -62,6 +63,39 @@ class ModelStep(Immutable):
         )
 
 
+def _none() -> FloatArray:
+    return np.empty(0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredStep(Immutable):
+    """The answer to a unit step as a log shows it, or why it does not.
+
+    Parameters
+    ----------
+    log
+        Its name.
+    time_s, response, lower, upper
+        Answer with its pointwise band of 95 %, shape ``(samples,)``; empty where there is none.
+    rise
+        Time from 10 to 90 %; ``None`` where it was not measured.
+    why
+        What the log lacks; empty where it lacks nothing.
+    """
+
+    log: str
+    time_s: FloatArray = field(default_factory=_none)
+    response: FloatArray = field(default_factory=_none)
+    lower: FloatArray = field(default_factory=_none)
+    upper: FloatArray = field(default_factory=_none)
+    rise: Quantity | None = None
+    why: str = ""
+
+    def __post_init__(self) -> None:
+        names = ("time_s", "response", "lower", "upper")
+        self._set(**{name: read_only(getattr(self, name), np.float64, ndim=1) for name in names})
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepPair(Immutable):
     """One pair of an input and an output under several models.
@@ -72,12 +106,15 @@ class StepPair(Immutable):
         Shape ``(samples,)``; the input steps at zero.
     models
         Label to its answer.
+    measured
+        What logs show of it; empty without logs, and for inputs that are no set-point of a loop.
     """
 
     input: str
     output: str
     time_s: FloatArray
     models: Mapping[str, ModelStep]
+    measured: tuple[MeasuredStep, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(time_s=read_only(self.time_s, np.float64, ndim=1), models=self.models)

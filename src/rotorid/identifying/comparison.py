@@ -281,6 +281,8 @@ class Comparison(Immutable):
         Remarks, the worst first.
     provenance
         What was compared, and on which logs.
+    records
+        These logs.
     """
 
     entries: tuple[Entry, ...]
@@ -290,6 +292,7 @@ class Comparison(Immutable):
     band_rad_s: tuple[float, float] | None
     findings: tuple[Finding, ...]
     provenance: Provenance
+    records: tuple[FlightRecord, ...] = ()
 
     @property
     def horizon_s(self) -> float:
@@ -406,6 +409,7 @@ def _comparison(
             settings={name: settings.as_json()[name] for name in ("segments", "shifts", "hold")},
             seed=settings.seed,
         ),
+        records=tuple(records),
     )
 
 

@@ -509,8 +509,9 @@ def steps(
     pairs: Sequence[tuple[str, str]],
     models: Sequence[Mapping[str, tuple[FloatArray, FloatArray, FloatArray]]],
     labels: Sequence[str],
+    measured: Sequence[Mapping[str, tuple[FloatArray, FloatArray, FloatArray, FloatArray]]] = (),
 ) -> Figure:
-    """Answers of several models to a unit step, with the bands of their parameters.
+    """Answers of several models to a unit step, with the bands of their parameters, and what logs show.
 
     Parameters
     ----------
@@ -522,11 +523,27 @@ def steps(
         For each panel, label to response, lower and upper edge, shapes ``(samples,)``.
     labels
         All labels, in the order of their colors.
+    measured
+        For each panel, label to time, response, lower and upper edge of a log; empty arrays show nothing.
     """
     colors, panels, named = SERIES[1:], [], set[str]()
-    for (given, output), found in zip(pairs, models, strict=True):
+    for (given, output), found, seen in zip(pairs, models, measured or [{} for _ in pairs], strict=True):
         traces: list[Trace] = []
         step = quantity(given)
+        for label, (own_s, *curves) in seen.items():
+            inside = own_s <= time_s[-1]
+            if not inside.any():
+                continue
+            value, lower, upper = (row[inside] / step.factor for row in curves)
+            edges = [
+                line(own_s[inside], edge, output, words=text(label), color=MEASURED, width=0.0)
+                for edge in (lower, upper)
+            ]
+            filled = {"hoverinfo": "skip", "fillcolor": translucent(MEASURED, _FLOWN_OPACITY), "fill": "tonexty"}
+            legend = label not in named
+            curve = line(own_s[inside], value, output, words=text(label), color=MEASURED, width=2.0, legend=legend)
+            traces += [{**edges[0], "hoverinfo": "skip"}, {**edges[1], **filled}, curve]
+            named.add(label)
         for label, (response, lower, upper) in found.items():
             number = labels.index(label)
             color = colors[number % len(colors)]

@@ -267,7 +267,8 @@ def render_documents(
         dots=dots,
         overlays=overlays,
         stepped=stepped,
-        step_rows=step_rows(document),
+        step_rows=(*step_rows(document), *measured_rows(document)),
+        unmeasured=unmeasured_steps(document),
         undrawn=len(flown) - len(overlays),
         horizon=significant(document.horizon_s, digits=2) if document.horizon_s else "",
         band=" to ".join(significant(edge) for edge in document.band_rad_s or ()),
@@ -299,6 +300,34 @@ def step_rows(document: CompareDocument) -> tuple[StepRow, ...]:
     )
 
 
+def measured_rows(document: CompareDocument) -> tuple[StepRow, ...]:
+    """One row for each pair and log that shows its step."""
+    return tuple(
+        StepRow(
+            pair=f"{quantity(pair.output).words} after {quantity(pair.input).words}",
+            label=f"measured in {step.log}",
+            final=MISSING,
+            start=MISSING,
+            rise=milliseconds(step.rise_time_s.value, step.rise_time_s.std) if step.rise_time_s else MISSING,
+        )
+        for pair in document.steps
+        for step in pair.measured
+        if not step.why
+    )
+
+
+def unmeasured_steps(document: CompareDocument) -> tuple[str, ...]:
+    """Why logs show no step of a pair, one sentence for each reason."""
+    return tuple(
+        dict.fromkeys(
+            f"{step.log} shows no step of {quantity(pair.output).words}. {step.why}"
+            for pair in document.steps
+            for step in pair.measured
+            if step.why
+        )
+    )
+
+
 def _stepped(document: CompareDocument, pairs: Sequence[StepPair]) -> list[Picture]:
     """Step responses of all models in one picture; none without a pair that they share."""
     if not pairs:
@@ -309,6 +338,10 @@ def _stepped(document: CompareDocument, pairs: Sequence[StepPair]) -> list[Pictu
         [(pair.input, pair.output) for pair in pairs],
         [{label: (own.response, own.lower, own.upper) for label, own in pair.models.items()} for pair in pairs],
         [model.label for model in document.models],
+        [
+            {f"measured in {step.log}": (step.time_s, step.response, step.lower, step.upper) for step in pair.measured}
+            for pair in pairs
+        ],
     )
     names = ", ".join(f"{pair.output} after {pair.input}" for pair in pairs)
     return [Picture(key="steps", description=f"Step responses of the models: {names}", figure=figure)]

@@ -140,8 +140,8 @@ def _voltage_gap(volts: FloatArray) -> str:
     needed = _LEAST_MOTION * float(np.median(volts))
     if high - low >= needed > 0.0:
         return ""
-    came = f"{high - low:.2f} V while the yaw stick was centered"
-    return f"The battery voltage changed by {came}; {needed:.2f} V are needed."
+    changed = f"The battery voltage changed by {high - low:.2f} V while the yaw stick was centered"
+    return f"{changed}; {needed:.2f} V are needed."
 
 
 def _windows(record: FlightRecord, flights: Intervals) -> Iterator[tuple[float, float, float]]:
