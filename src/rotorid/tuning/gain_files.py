@@ -425,7 +425,8 @@ def _setting(name: str, text: str, where: str) -> float | None:
 
 _LOOP = re.compile(
     r"[pidf]_(?:roll|pitch|yaw|level)|d_(?:min|max)_(?:roll|pitch|yaw)|angle_(?:p_gain|level_strength)|tpa_(?:rate|breakpoint|mode)|"
-    r"(?:gyro|dterm)_\w*(?:hz|cutoff|type|expo)\w*|yaw_lowpass_hz|dyn_lpf_\w+|pid_process_denom|looptime|thrust_linear"
+    r"(?:gyro|dterm)_\w{0,40}(?:hz|cutoff|type|expo)\w{0,20}|yaw_lowpass_hz|dyn_lpf_\w+|pid_process_denom|looptime|"
+    r"thrust_linear"
 )
 
 
