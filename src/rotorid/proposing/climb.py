@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.filters import combined_response
 from rotorid.data.base import cached_by_value
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
@@ -44,6 +45,7 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 _COMMAND, _FORCE, _CLIMB = "thrust_command", "az", "w"
 _FEWEST_POINTS = 8
+_LEAST_PASSED = 0.1
 _FLOWN = (0.05, 0.95)
 """Quantiles of the hover thrust in flight between which the draws lie."""
 
@@ -112,12 +114,15 @@ def _measured(record: FlightRecord) -> MeasuredPlant:
     response = measured.response
     if response.estimate != "joint":
         raise InsufficientDataError("nothing separates the throttle from gusts", remedy=_REMEDY)
-    used = np.flatnonzero(measured.trusted_points(response, settings.least_coherence(joint=True))[0, 0])
+    source = source_of(measured.segments[0], _FORCE)
+    filters = known_filters(record, source)
+    trusted = measured.trusted_points(response, settings.least_coherence(joint=True))[0, 0]
+    # Where a filter of the accelerometer leaves little, nothing is left to correct.
+    used = np.flatnonzero(trusted & (np.abs(combined_response(filters, response.omega_rad_s)) > _LEAST_PASSED))
     if used.size < _FEWEST_POINTS:
         raise InsufficientDataError("the throttle explains the vertical force at too few frequencies", remedy=_REMEDY)
-    source = source_of(measured.segments[0], _FORCE)
     # The estimated velocity passes no filter of the accelerometer.
-    force = corrected(random_errors_at(response, used), {_FORCE: known_filters(record, source)})
+    force = corrected(random_errors_at(response, used), {_FORCE: filters})
     return MeasuredPlant(
         axis="thrust",
         response=_velocity(force),
@@ -165,13 +170,16 @@ def hover_thrust_of(record: FlightRecord, parameters: Mapping[str, float]) -> Ho
     fixed = parameters.get("MPC_THR_HOVER", 0.0)
     if parameters.get("MPC_USE_HTE", 1.0) < 1.0 and fixed > 0.0:
         return HoverThrust(fixed, fixed, fixed)
-    flights = airborne(record).intervals
+    try:
+        flights = airborne(record).intervals
+    except InsufficientDataError:
+        flights = ()
     _, values = in_air(record, "hover_thrust", flights)
     values = values[values > 0.0]
     if values.size:
         low, usual, high = np.quantile(values, (_FLOWN[0], 0.5, _FLOWN[1]))
         return HoverThrust(float(usual), float(low), float(high))
-    flown = hover_throttle(record, flights)
+    flown = hover_throttle(record, flights) if flights else None
     if flown is not None:
         return HoverThrust(flown.value, (1.0 - _UNLOGGED) * flown.value, (1.0 + _UNLOGGED) * flown.value)
     if fixed > 0.0:
