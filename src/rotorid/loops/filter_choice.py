@@ -272,7 +272,7 @@ def propose_filters(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis,
     Raises
     ------
     InsufficientDataError
-        Neither the loop of roll nor that of pitch is known, or no gains are.
+        Neither the loop of roll nor that of pitch is known, or one of them where filters are to change, or no gains.
     """
     if not {"roll", "pitch"} & loops.keys():
         raise InsufficientDataError(
@@ -284,6 +284,12 @@ def propose_filters(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis,
     before = {axis: verdict_with(record, axis, loop, {}) for axis, loop in loops.items()}
     weak = any(found.verdict in ("gently", "do_not_fly") for found in before.values())
     need: Need = "noise" if flown.rms > NOISY else "margin" if weak and flown.rms < _QUIET * NOISY else ""
+    unknown = [axis for axis in ("roll", "pitch") if axis in flown.powers and axis not in loops]
+    if need and unknown:
+        raise InsufficientDataError(
+            f"other filters would act on {unknown[0]} too, whose loop was not measured",
+            remedy=f"move the {unknown[0]} stick for 30 s",
+        )
     proposed, verdicts, refused = flown, before, ""
     for tried in _wanted(sets, need)[:_MOST_TRIED]:
         then = {axis: verdict_with(record, axis, loop, tried.values) for axis, loop in loops.items()}

@@ -34,6 +34,9 @@ SETS = 4
 MOST_COST_DEG = 12.0
 """Most phase that a set may cost at the crossover of the flown loop: gains would have to give it back."""
 
+_SAME_NOISE = 0.03
+"""Share of the noise, and of the attitude error, that makes no difference between two points."""
+
 _QUIETER = 0.97
 """Noise over that of the set before, up to which a set that costs more is worth a look."""
 
@@ -345,13 +348,25 @@ def _point(
 
 
 def _undominated(points: Sequence[FilterPoint], kept: FilterPoint) -> list[FilterPoint]:
-    """Points that no other one beats in both; the flown filters stay among them."""
-    ranked = sorted(points, key=lambda point: (point.noise, point.attitude))
+    """Points that no other one beats in both, quietest first; the flown filters stay among them.
+
+    Noise that differs by less than its error counts as the same.
+    """
     found: list[FilterPoint] = []
-    for point in ranked:
+    for point in sorted(points, key=lambda point: (point.noise, point.attitude)):
         if point is kept or all(point.attitude < 0.995 * other.attitude for other in found):
             found.append(point)
-    return found
+    return [
+        point
+        for point in found
+        if point is kept
+        or not any(
+            other is not point
+            and other.noise <= (1.0 + _SAME_NOISE) * point.noise
+            and other.attitude < (1.0 - _SAME_NOISE) * point.attitude
+            for other in found
+        )
+    ]
 
 
 def _numbered(points: Sequence[FilterPoint], kept: FilterPoint) -> FilterCurve:

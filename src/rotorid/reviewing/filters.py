@@ -50,7 +50,7 @@ def filters(
         return propose_filters(record, gyro_noise(record), loops), ()
     except InsufficientDataError as error:
         # Without margins, what would measure them is the one thing to do.
-        known = {"roll", "pitch"} & loops.keys()
+        known = {"roll", "pitch"} <= loops.keys()
         of_margins = (gap.remedy for gap in unmeasured if gap.what.startswith("margins") and gap.remedy)
         remedy = error.remedy if known else next(of_margins, error.remedy)
         return None, (Unavailable(what="filters", why=f"{capital(error.came)}.", remedy=remedy),)

@@ -205,6 +205,14 @@ def test_unknown_loops_propose_nothing() -> None:
         propose_filters(record, gyro_noise(record), {})
 
 
+def test_filters_are_not_proposed_for_half_of_the_vehicle() -> None:
+    """They act on pitch too, and nobody knows what it can bear."""
+    record = fly(ARDUPILOT, seconds=15.0)
+    loops: dict[Axis, KnownLoop] = {"roll": loops_of("ArduPilot")["roll"]}
+    with pytest.raises(InsufficientDataError, match="act on pitch too"):
+        propose_filters(record, gyro_noise(record), loops)
+
+
 @pytest.mark.parametrize("name", list(CRAFTS))
 def test_moving_notches_are_zero_where_the_motors_are(name: str) -> None:
     craft = CRAFTS[name]
