@@ -43,6 +43,9 @@ CHANNELS = (
     + tuple(f"{axis}_command" for axis in (*AXES, "thrust"))
     + tuple(f"motor_{number}" for number in range(1, 5))
 )
+PILOT_1_S, ACRO_RATE_RAD_S = (2.0, 2.0, 1.0), 4.0
+"""Angle loops of a pilot in acro, and the rate that a full stick asks for."""
+
 STILL = 0.02
 """Root mean square of a command, in still air and without noise, above which a vehicle swings by itself."""
 
@@ -67,6 +70,8 @@ class Case:
         Largest deflection of roll and pitch.
     chops
         Whether the throttle is chopped and punched.
+    acro
+        Whether sticks ask for rates, and a pilot as slow as an angle loop of 2 rad/s levels the vehicle.
     """
 
     vehicle: str
@@ -81,6 +86,7 @@ class Case:
     gusts_m_s: float = 0.0
     stick: float = 0.0
     chops: bool = False
+    acro: bool = False
     duration_s: float = 30.0
     seed: int = 1
 
@@ -114,7 +120,7 @@ def _changed(case: Case) -> Aircraft:
     autopilot = replace(
         own,
         rates=rates,
-        angle_1_s=scaled(own.angle_1_s, case.angle),
+        angle_1_s=PILOT_1_S if case.acro else scaled(own.angle_1_s, case.angle),
         rate_hz=LOOP_HZ[own.kind],
         parameters=_parameters(case, own.kind, own.parameters),
     )
@@ -129,7 +135,7 @@ def _parameters(case: Case, kind: str, known: object) -> dict[str, float]:
     for axis in case.axes:
         for letter, factor in factors.items():
             name = pattern.format(names[axis], letter)
-            parameters[name] = factor * parameters[name]
+            parameters[name] = round(factor * parameters[name], 9)
         if kind != "betaflight":
             name = {"px4": "MC_{}_P", "ardupilot": "ATC_ANG_{}_P"}[kind].format(names[axis])
             parameters[name] = case.angle * parameters[name]
@@ -158,6 +164,11 @@ def plan_of(case: Case, craft: Aircraft) -> FlightPlan | None:
     rate_hz = craft.autopilot.rate_hz
     if case.stick:
         inputs = everyday_plan(craft, duration_s=case.duration_s, level=case.stick, seed=case.seed).inputs
+    if case.acro:
+        inputs = tuple(
+            one if one.axis == "thrust" else replace(one, entry="rate_setpoint", values=ACRO_RATE_RAD_S * one.values)
+            for one in inputs
+        )
     if case.chops:
         values = _chops(rate_hz, case.duration_s, case.seed)
         chopped = PlannedInput(
@@ -238,6 +249,21 @@ def record_of(case: Case, *, log_hz: float, jitter: float = 0.0, seed: int = 0) 
         status=Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="twin"),
         parameters=flight.parameters,
     )
+
+
+def with_sticks(case: Case, *, log_hz: float) -> FlightRecord:
+    """The log of a flight, with the sticks that moved it."""
+    record, flight = record_of(case, log_hz=log_hz), fly(case)
+    (topic,) = record.topics
+    picked = np.searchsorted(flight.time_s, topic.time_s)
+    sticks = [f"{axis}_stick" for axis in (*AXES, "thrust")]
+    moved = Topic(
+        name="sticks",
+        time_s=topic.time_s,
+        channels=tuple(Channel(name=name, unit="1") for name in sticks),
+        values=np.stack([flight.columns[name][picked] for name in sticks]),
+    )
+    return replace(record, topics=(topic, moved))
 
 
 def _numbered(cases: Sequence[Case]) -> Iterator[Case]:
