@@ -6,8 +6,7 @@ with the gains that will fly:
 .. math:: P_v(j\omega) = \frac{T(j\omega)}{j\omega - Y_v}, \qquad T = \frac{\hat P C_r A / s}{1 + L_{whole}}
 
 with the drag :math:`-Y_v` over mass. So new gains of roll and pitch are judged in the velocity loop too. Every draw of
-the attitude loop is one of the velocity loop. Roll and pitch fly the same velocity gains: the one counts on which these
-have less reserve.
+the attitude loop is one of the velocity loop. Roll and pitch fly the same velocity gains, so the draws of both count.
 
 Each outer loop is registered in :data:`PLANTS`, by what gives its plant; its names are in
 :mod:`rotorid.models.autopilots.outer`, the shapes of its gains in :mod:`rotorid.tuning.kinds`.
@@ -373,15 +372,29 @@ def known_outer(loop: LoopName, flown: OuterMaterial, new: OuterMaterial) -> tup
         findings.append(_other_axis(loop, axis))
     known = KnownAxis(
         flown=own,
-        plant=plants[axis],
+        plant=_of_all(plants, axis),
         omega_rad_s=omega,
         flown_parts=parts,
         then=None,
         controller=own.controller,
         parts=parts,
-        flown_plant=before[axis],
+        flown_plant=_of_all(before, axis),
     )
     return known, findings
+
+
+def _of_all(plants: Mapping[str, UncertainPlant], first: str) -> UncertainPlant:
+    """One plant with the draws of all axes in turn, since gains that these share have to hold on each of them."""
+    own = plants[first]
+    omega = np.exp(own.knots)
+    misfits = np.array(own.misfits)
+    others = [plant for name, plant in plants.items() if name != first]
+    for number, plant in enumerate(others, 1):
+        ratio = plant.response(omega) / own.response(omega)
+        apart = np.log(np.abs(ratio)) + 1j * np.unwrap(np.angle(ratio))
+        rows = slice(number, None, len(plants))
+        misfits[rows] = plant.misfits[rows] + apart
+    return replace(own, misfits=misfits)
 
 
 def _peak(plant: UncertainPlant, parts: ControllerParts, own: LoggedOuter) -> float:

@@ -200,6 +200,21 @@ def test_new_inner_gains_change_the_outer_loop() -> None:
 
 
 @pytest.mark.usefixtures("drag")
+def test_the_draws_of_roll_and_pitch_count() -> None:
+    known = roll()
+    both = {
+        "roll": InnerLoop(known, known.gains),
+        "pitch": InnerLoop(known, replace(known.gains, A=2.0)),
+    }
+    new = replace(material(known), inner=both)
+    found, _ = known_outer("velocity", new, new)
+    slow, quick = (velocity_plant(both[axis], DRAG, seed=0) for axis in ("pitch", "roll"))
+    w = np.array([0.5, 3.0])
+    np.testing.assert_allclose(found.plant.drawn(w)[0::2], slow.drawn(w)[0::2], rtol=1e-6)
+    np.testing.assert_allclose(found.plant.drawn(w)[1::2], quick.drawn(w)[1::2], rtol=2e-3)
+
+
+@pytest.mark.usefixtures("drag")
 def test_a_proposal_keeps_the_limits_and_its_range() -> None:
     known, _ = known_outer("velocity", material(roll()), material(roll()))
     found = propose("velocity", known.plant, known.controller.controller, parts=known.parts)
