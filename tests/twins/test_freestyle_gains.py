@@ -16,6 +16,7 @@ from benchmarks.freestyle_fleet import MOST_PEAK, Row, one
 from tests.twins.oscillating_flights import Case, record_of, with_sticks
 
 import rotorid
+from rotorid.data.trust import SAFE_PEAK
 from rotorid.errors import InsufficientDataError
 from rotorid.proposing import tune
 from rotorid.proposing.flown_gains import require_room
@@ -71,10 +72,11 @@ def test_a_log_without_sticks_says_what_it_lacks() -> None:
 
 @pytest.mark.slow
 def test_gains_are_proposed_and_hold_on_the_exact_plant() -> None:
-    """Ten flights of the study: most are tuned, none is destabilized, and nearly all hold the attitude better."""
+    """Ten flights of the study: most are tuned, none is destabilized, and gains that were fine hold it better then."""
     rows = [Row(**row) for number in range(10) for row in one((number,))]
     tuned = [row for row in rows if row.changed]
     assert len(tuned) >= 0.7 * len(rows)
     assert max(row.peaks[1] for row in tuned) <= MOST_PEAK
-    assert np.mean([row.better < 1.0 for row in tuned]) >= 0.9
+    # Gains that were too hot come down, which a moment moves further.
+    assert all(row.better < 1.0 for row in tuned if row.peaks[0] <= SAFE_PEAK)
     assert np.mean([row.inside for row in rows if not row.refused]) >= 0.9
