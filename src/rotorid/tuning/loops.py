@@ -410,7 +410,9 @@ def _factor_to_critical(places: FloatArray, gains: FloatArray) -> tuple[float, f
 def _crossings(at: FloatArray, values: FloatArray, level: float) -> FloatArray:
     """Places at which a curve passes a level."""
     over = values - level
-    found = np.flatnonzero(np.sign(over[:-1]) * np.sign(over[1:]) < 0.0)
+    # A bound of the search puts a crossing right on a point: it lies below the level, and counts once.
+    above = over > 0.0
+    found = np.flatnonzero(above[:-1] != above[1:])
     share = over[found] / (over[found] - over[found + 1])
     return np.asarray(at[found] + share * (at[found + 1] - at[found]))
 

@@ -144,3 +144,12 @@ def test_a_loop_that_never_reaches_one_has_no_crossover() -> None:
     found = loop_figures(omega, (0.1 / (1j * omega))[None])
     assert np.isnan(found.crossover_rad_s[0])
     assert found.usual_crossover_rad_s == 0.0
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5])
+def test_a_loop_whose_gain_is_one_right_at_a_point_crosses_over_there(place: float) -> None:
+    omega = np.geomspace(0.5, 600.0, 170)
+    crossover = float(omega[80] * (omega[81] / omega[80]) ** place)
+    found = loop_figures(omega, (crossover / (1j * omega))[None])
+    assert found.crossover_rad_s[0] == pytest.approx(crossover)
+    assert np.degrees(found.phase_margin_rad[0]) == pytest.approx(90.0)
