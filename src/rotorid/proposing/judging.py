@@ -293,7 +293,7 @@ def judge_gains(
     if not axes and not unknown:
         raise UsageError(
             f"{gains.name} contains no gains of {' or '.join((*known, *refused))}",
-            needed=f"gains of an axis to judge; these are of {' and '.join(wanted)}",
+            needed=f"gains of an axis to judge; these are of {' and '.join((*wanted, *around))}",
         )
     return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
 

@@ -158,7 +158,7 @@ def test_other_loops_are_left_out_by_name() -> None:
         ("MC_ROLLRTE_P,0.1", "no parameter MC_ROLLRTE_P.*did you mean MC_ROLLRATE_P"),
         ("MC_ROLLRATE_P,45", "MC_ROLLRATE_P = 45 is out of range"),
         ("MC_ROLLRATE_P,-0.1", "MC_ROLLRATE_P = -0.1 is out of range"),
-        ("MPC_XY_P,0.9", "no gain and no filter"),
+        ("MPC_XY_P,0.9", "no gains of roll; expected gains of an axis to judge; these are of velocity"),
         ("MC_DTERM_CUTOFF,30", "no parameter MC_DTERM_CUTOFF"),
         ("P=0.1 X=3", "cannot be read"),
         ("MC_PITCHRATE_P,0.1", "no gains of roll; expected gains of an axis to judge; these are of pitch"),
