@@ -150,8 +150,10 @@ def random_effects(
     # An error of exactly zero would let a variance vanish and the likelihood grow without end.
     floor = 1e-4
     likelihood = _Likelihood((y - center) / scale, np.maximum(s / scale, floor), who, x)
+    # Nothing shows the spread between vehicles where one flew alone: any would be as likely, and widen its own range.
+    widest_between = _WIDEST if who.max() > 0 else 0.0
     found: list[Any] = [
-        optimize.minimize(likelihood, start, method="L-BFGS-B", bounds=[(0.0, _WIDEST), (0.0, _WIDEST)])
+        optimize.minimize(likelihood, start, method="L-BFGS-B", bounds=[(0.0, widest_between), (0.0, _WIDEST)])
         for start in _STARTS
     ]
     best = found[int(np.argmin([float(group.fun) for group in found]))]

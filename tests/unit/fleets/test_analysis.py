@@ -221,3 +221,42 @@ def test_the_order_of_rows_changes_nothing() -> None:
     rows = table_of(fleet_of(3))
     one, other = analyze(rows), analyze(rows[::-1])
     assert one.populations == other.populations
+
+
+def test_a_normal_range_spans_both_spreads_and_the_error_of_the_mean() -> None:
+    """Twenty vehicles that differ by 3 and scatter by 1: 95 % of further flights of further vehicles."""
+    y = fleet_of(11)
+    found = population(y.ravel(), np.full(400, 1e-3), np.repeat(np.arange(20), 20), unit="1")
+    assert found.low is not None
+    assert found.high is not None
+    between, within = y.mean(axis=1).std(ddof=1), np.sqrt(y.var(axis=1, ddof=1).mean())
+    half = stats.t.ppf(0.975, 19) * np.sqrt(between**2 * (1.0 + 1.0 / 20.0) + within**2)
+    assert found.high - found.low == pytest.approx(2.0 * half, rel=0.02)
+
+
+def test_a_vehicle_that_flew_alone_has_the_range_of_its_own_flights() -> None:
+    """The spread between vehicles is not known of one, and does not widen what its own flights lie in."""
+    y = np.random.default_rng(1).normal(10.0, 1.0, 20)
+    found = population(y, np.full(20, 1e-3), np.zeros(20), unit="1")
+    assert found.between is None
+    assert found.low is not None
+    assert found.high is not None
+    assert found.mean.std == pytest.approx(y.std(ddof=1) / np.sqrt(20.0), rel=0.01)
+    half = stats.t.ppf(0.975, 19) * y.std(ddof=1) * np.sqrt(1.0 + 1.0 / 20.0)
+    assert found.high - found.low == pytest.approx(2.0 * half, rel=0.01)
+
+
+def test_among_many_flights_one_of_them_lies_far_off_by_chance() -> None:
+    """The probability of a flight is that of the oddest of all: without a change, 5 % of the series have one."""
+    rng = np.random.default_rng(6)
+    least = [odd_flights(rng.normal(0, 1.0, 30), np.ones(30), Spread(0.0, 1e6)).min() for _ in range(400)]
+    assert np.mean(np.array(least) < 0.05) <= 0.05
+    assert np.mean(np.array(least) < 0.9) > 0.2
+
+
+def test_of_what_is_called_changed_a_twentieth_may_be_false() -> None:
+    """Of 20 tests the smallest must be below 0.25 %, the ten smallest below 2.5 %."""
+    assert not discoveries(np.r_[0.004, np.full(19, 0.9)]).any()
+    assert discoveries(np.r_[0.002, np.full(19, 0.9)]).sum() == 1
+    assert discoveries(np.r_[np.full(10, 0.02), np.full(10, 0.9)]).sum() == 10
+    assert not discoveries(np.r_[np.full(10, 0.03), np.full(10, 0.9)]).any()
