@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rotorid.documents.fleet import DifferenceDocument, FleetDocument
     from rotorid.fleets.runs import Fleet
 
-FILE, PAGE = "fleet.json", "fleet.html"
 _PIPE_S = 10.0
 """Between lines of progress in a pipe."""
 _MOST_LINES = 8
@@ -37,7 +36,7 @@ def fleet_command(
     ],
     *,
     settings: FleetSettings,
-    output: Annotated[Output, Only("out", "json", "quiet", "verbose")],
+    output: Output,
     paper: Annotated[ForPaper, Only("pdf")],
 ) -> None:
     """Identify many logs and find which vehicles changed, which differ, and what is normal."""
@@ -45,12 +44,13 @@ def fleet_command(
     from rotorid.documents.fleet import fleet_document
     from rotorid.fleets.analysis import analyze
     from rotorid.fleets.runs import Fleet
+    from rotorid.fleets.table import FILE, PAGE
     from rotorid.io.files import write_atomically
     from rotorid.report.fleet import render_fleet
 
     require_printing(paper)
     folder = output.out or results_folder() / "fleet"
-    run = Fleet(paths, settings, folder)
+    run = Fleet(paths, settings, folder, force=output.force)
     try:
         _read(run, quiet=output.quiet)
         analysis = analyze(run.logged_rows(), groups=run.groups(), gains=run.gains(), patterns=run.patterns())
@@ -61,14 +61,13 @@ def fleet_command(
             settings=settings.as_json(),
             command=command_line(),
         )
-        run.write_tables()
-        page = render_fleet(analysis, document)
-        write_atomically(folder / PAGE, page)
-        text = to_json(document)
-        write_atomically(folder / FILE, text)
+        page, text = render_fleet(analysis, document), to_json(document)
+        with run.writing() as place:
+            write_atomically(place / PAGE, page)
+            print_if_asked(place, paper)
+            write_atomically(place / FILE, text)
     finally:
         run.close()
-    _print_page(folder, page, paper)
     if output.json:
         sys.stdout.write(text)
     elif not output.quiet:
@@ -90,18 +89,6 @@ def _read(run: Fleet, *, quiet: bool) -> None:
                 f"rotorid: stopped after {len(run.answers)} of {len(run.places)} logs; run the same command to continue"
             )
             raise
-
-
-def _print_page(folder: Path, page: str, paper: ForPaper) -> None:
-    """Print the page to PDF if that was asked for, without other pages of the folder."""
-    from rotorid.io.files import write_atomically
-    from rotorid.io.folders import scratch_folder
-
-    with scratch_folder() as scratch:
-        write_atomically(scratch / PAGE, page)
-        print_if_asked(scratch, paper)
-        for printed in scratch.glob("*.pdf"):
-            write_atomically(folder / printed.name, printed.read_bytes())
 
 
 @contextmanager
@@ -147,6 +134,7 @@ def _bar(run: Fleet, *, quiet: bool) -> Iterator[Any]:
 
 def _print(document: FleetDocument, folder: Path, *, verbose: bool) -> None:
     """The answer, what to look at and why, what has no answer, where the files are."""
+    from rotorid.fleets.table import PAGE
     from rotorid.report.fleet import notable, refusals
 
     found = notable(document)
@@ -173,6 +161,8 @@ def _difference(difference: DifferenceDocument) -> str:
 
 
 def _list(title: str, lines: Sequence[str], *, verbose: bool) -> None:
+    from rotorid.fleets.table import PAGE
+
     if lines:
         print_lines([title], verbose=True)
         print_lines([f"  {line}" for line in lines], verbose=verbose, item="line", most=_MOST_LINES, page=PAGE)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rotorid.cli.console import log_progress, say
-from rotorid.io.named import find_logs, skipped_words
+from rotorid.io.named import find_logs, linked_words, skipped_words
 
 if TYPE_CHECKING:
     from rotorid.data.record import FlightRecord
@@ -26,6 +26,8 @@ class Found:
         Those that were named themselves: one that is no log is an error.
     others
         Files of folders that are no logs by their names and their content.
+    linked
+        Links that lead out of the folders.
     skipped
         Files of folders that were tried and are no logs.
     failed
@@ -35,6 +37,7 @@ class Found:
     files: Sequence[Path]
     named: frozenset[Path]
     others: Sequence[Path] = ()
+    linked: Sequence[Path] = ()
     skipped: list[Path] = field(default_factory=list)
     failed: list[Path] = field(default_factory=list)
 
@@ -48,7 +51,8 @@ class Found:
             A folder holds no log.
         """
         found = find_logs(paths)
-        return cls(files=found.files, named=frozenset(paths).intersection(found.files), others=found.skipped)
+        named = frozenset(paths).intersection(found.files)
+        return cls(files=found.files, named=named, others=found.skipped, linked=found.linked)
 
     def records(self, mapping: Path | None, *, each_alone: bool = False) -> Iterator[FlightRecord]:
         """Read one file after the other; those of folders that are no logs are left out, and remembered.
@@ -104,6 +108,8 @@ class Found:
         """Name what was left out, in one remark."""
         if skipped := self._skipped():
             say(f"rotorid: skipped {skipped_words(skipped)}")
+        if self.linked:
+            say(f"rotorid: skipped {linked_words(self.linked)}")
 
     def _skipped(self) -> list[Path]:
         return sorted({*self.skipped, *self.others})

@@ -20,13 +20,13 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
-from pathlib import Path
 from typing import Any, Protocol
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
-from rotorid.errors import UsageError
-from rotorid.fleets.table import Failure, LogAnswer
+from rotorid.errors import LogError, UsageError
+from rotorid.fleets.places import fetched
+from rotorid.fleets.table import MEMBER, Failure, LogAnswer
 from rotorid.fleets.work import Task, failure
 from rotorid.io.children import end_session
 from rotorid.io.folders import scratch_folder
@@ -264,6 +264,22 @@ def _set_aside(task: Task, kind: Failure, reason: str) -> LogAnswer:
 
 # A Dask cluster
 
+
+def _content(task: Task) -> bytes:
+    with fetched(task.place) as log:
+        return log.read_bytes()
+
+
+def _require_version(theirs: str) -> None:
+    """Refuse what a worker of another version answered, for the whole run: it is no fault of the log."""
+    if theirs != __version__:
+        raise UsageError(
+            f"a worker of the cluster has rotorid {theirs}",
+            needed=f"rotorid {__version__} on every worker",
+            remedy="replace it, then run the same command again: finished logs are kept",
+        )
+
+
 _children: dict[tuple[int, Limits], Child] = {}
 
 
@@ -281,10 +297,10 @@ def answer_here(task: dict[str, Any], limits: Limits, data: bytes | None = None)
     address = asked.place.address
     with contextlib.ExitStack() as stack:
         if data is not None:
-            copy = stack.enter_context(scratch_folder()) / asked.place.name
+            copy = stack.enter_context(scratch_folder()) / asked.place.file_name
             copy.write_bytes(data)
             asked = Task.from_json({**task, "copy": str(copy)})
-        elif not asked.place.remote and not Path(address.partition("!")[0]).exists() and not Path(address).exists():
+        elif not asked.place.remote and not any(map(os.path.exists, (address, address.partition(MEMBER)[0]))):
             return {"unseen": True}
         try:
             return {"answer": child.ask(asked).as_json(), "version": __version__}
@@ -387,19 +403,23 @@ class Cluster:
                 for future in self._finished(running):
                     task = running.pop(future)
                     answer = self._result(future)
-                    if "answer" in answer and answer["version"] == __version__:
+                    if "answer" in answer:
+                        _require_version(answer["version"])
                         yield LogAnswer.from_json(answer["answer"])
-                    elif "unseen" in answer and task.place.is_file:
-                        again.append((task, Path(task.place.address).read_bytes()))
+                    elif "unseen" in answer:
+                        # The workers do not have its disk.
+                        try:
+                            again.append((task, _content(task)))
+                        except (LogError, OSError) as error:
+                            yield failure(task, "unreachable", str(error))
                     elif "lost" in answer:
                         again.append((task, None))
                     else:
                         tries[task.place.address] = tries.get(task.place.address, 0) + 1
-                        reason = answer.get("reason", "A worker of another version answered.")
                         if tries[task.place.address] < _MOST_TRIES:
                             again.append((task, None))
                         else:
-                            yield _set_aside(task, answer.get("died", "died"), reason)
+                            yield _set_aside(task, answer["died"], answer["reason"])
         finally:
             with contextlib.suppress(Exception):
                 self._client.cancel(list(running))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import hashlib
+import os
 import shutil
 import zipfile
 import zlib
@@ -12,17 +14,27 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypeGuard
+from urllib.request import url2pathname
 
 from rotorid.data.base import Immutable
 from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
+from rotorid.fleets.table import MEMBER
 from rotorid.io.folders import scratch_folder
 from rotorid.io.formats import HEAD_BYTES
 from rotorid.io.named import find_logs, holds_log
 
-MEMBER = "!"
-"""Between an archive and the name of a log in it."""
+_MOST_NAME_BYTES = 200
+"""File systems take 255, and programs add to it."""
+
+_OF_PLACE = frozenset(
+    {
+        errno.EACCES, errno.EPERM, errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EIO, errno.ESTALE, errno.EMFILE,
+        errno.ENFILE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ENOTCONN, errno.ETIMEDOUT, errno.EHOSTUNREACH,
+        errno.ENETDOWN, errno.ENETUNREACH, errno.ECONNREFUSED, errno.ECONNRESET,
+    }
+)  # fmt: skip
 
 _MOST_MEMBERS = 1_000_000
 _MOST_MEMBER_BYTES = 8 << 30
@@ -49,6 +61,17 @@ class Place(Immutable):
         return PurePosixPath(self.address.rpartition(MEMBER)[2].replace("\\", "/")).name
 
     @property
+    def file_name(self) -> str:
+        """Name of a copy: the end of a name that a file system would refuse, with what says its format.
+
+        Examples
+        --------
+        >>> Place(address="a.zip!" + 300 * "x" + ".ulg.gz", mark="").file_name[-10:]
+        'xxx.ulg.gz'
+        """
+        return self.name.encode("utf-8", "replace")[-_MOST_NAME_BYTES:].decode("utf-8", "ignore")
+
+    @property
     def folder(self) -> str:
         """Name of the folder around it."""
         inside = self.address.rpartition(MEMBER)[2] if MEMBER in self.address else self.address
@@ -67,6 +90,10 @@ class Place(Immutable):
             return not self.remote and Path(self.address).is_file()
         except OSError:
             return False
+
+
+class UnreachableError(LogError):
+    """A log cannot be had, whatever is in it: the place, the store or the network is at fault."""
 
 
 def is_remote(address: str) -> bool:
@@ -126,8 +153,10 @@ def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
 def _behind(path: str) -> Iterator[Place | str]:
     """Logs, and the addresses of other files."""
     if is_remote(path):
-        yield from _in_store(path)
-        return
+        if not path.startswith("file://"):
+            yield from _in_store(path)
+            return
+        path = url2pathname(path.removeprefix("file://"))
     files = [Path(path)]
     if not files[0].exists():
         files = [Path(item) for item in sorted(glob.glob(path, recursive=True))]  # noqa: PTH207 - of any depth, absolute or not
@@ -137,6 +166,7 @@ def _behind(path: str) -> Iterator[Place | str]:
     for log in found.files:
         yield from _in_file(log)
     yield from map(str, found.skipped)
+    yield from (f"{link} (a link out of the folder)" for link in found.linked)
 
 
 def _in_file(log: Path) -> Iterator[Place | str]:
@@ -228,23 +258,30 @@ def _store(address: str) -> tuple[Any, str]:
     return system, path
 
 
+def is_of_place(error: BaseException | None) -> TypeGuard[OSError]:
+    """Whether an error is that of a place, a disk or a network, and not of what is stored there."""
+    return isinstance(error, OSError) and error.errno in _OF_PLACE
+
+
 @contextmanager
 def fetched(place: Place) -> Iterator[Path]:
     """A file to read a log from: itself, or a copy that is gone when the context ends.
 
     Raises
     ------
-    LogError
+    UnreachableError
         It cannot be had.
+    LogError
+        The archive around it is damaged.
     """
     if place.remote:
         with scratch_folder() as folder:
-            copy = folder / place.name
+            copy = folder / place.file_name
             system, path = _store(place.address)
             try:
                 system.get_file(path, str(copy))
             except (OSError, ValueError) as error:
-                raise LogError(f"{place.address} cannot be fetched: {error}") from error
+                raise UnreachableError(f"{place.name} cannot be fetched: {error}") from error
             yield copy
         return
     archive, _, member = place.address.rpartition(MEMBER)
@@ -252,7 +289,7 @@ def fetched(place: Place) -> Iterator[Path]:
         yield Path(place.address)
         return
     with scratch_folder() as folder:
-        copy = folder / place.name
+        copy = folder / place.file_name
         try:
             with zipfile.ZipFile(archive) as opened:
                 if opened.getinfo(member).file_size > _MOST_MEMBER_BYTES:
@@ -262,6 +299,8 @@ def fetched(place: Place) -> Iterator[Path]:
                 with opened.open(member) as packed, copy.open("wb") as file:
                     shutil.copyfileobj(packed, file)
         # KeyError: the member is gone. RuntimeError: it is encrypted. NotImplementedError: a method unknown to zipfile.
-        except (OSError, KeyError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+        except (OSError, KeyError, ValueError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
+            if is_of_place(error):
+                raise UnreachableError(f"{place.name} cannot be unpacked: {os.strerror(error.errno)}") from error
             raise LogError(f"{place.name} cannot be unpacked: {error}", needed="an undamaged archive") from error
         yield copy

@@ -11,6 +11,7 @@ import logging
 import os
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,9 @@ from rotorid.fleets.places import Place, find_places
 from rotorid.fleets.settings import FleetSettings
 from rotorid.fleets.table import (
     FAILED,
+    FILE,
     JOURNAL,
+    PAGE,
     SALT,
     TABLE,
     Counts,
@@ -44,7 +47,7 @@ from rotorid.fleets.table import (
 from rotorid.fleets.vehicles import separated
 from rotorid.fleets.work import Task
 from rotorid.io.files import sha256_of
-from rotorid.io.folders import scratch_folder
+from rotorid.io.folders import ResultKind, making, read_json, scratch_folder, target_folder
 from rotorid.io.log_order import time_of
 from rotorid.io.pool import cores
 from rotorid.settings.option import as_settings
@@ -67,15 +70,23 @@ class Fleet:
         Where journal and tables are; what lies there is not done again.
     engine
         What carries it out; processes of this machine by default.
+    force
+        Overwrite also tables that are not rotorid's.
 
     Raises
     ------
     UsageError
-        Nothing was found, a model is unknown, or the folder is used by something else.
+        Nothing was found, a model is unknown, or foreign files are where the tables go.
     """
 
     def __init__(
-        self, paths: Iterable[str | Path], settings: FleetSettings, folder: Path, *, engine: Engine | None = None
+        self,
+        paths: Iterable[str | Path],
+        settings: FleetSettings,
+        folder: Path,
+        *,
+        engine: Engine | None = None,
+        force: bool = False,
     ) -> None:
         self._limits = Limits(memory_bytes=settings.memory_bytes, timeout_s=settings.timeout_s)
         if engine is None and settings.scheduler is not None:
@@ -86,13 +97,14 @@ class Fleet:
         self.named = read_named(settings.vehicles)
         found = find_places(paths)
         self.places, self.skipped = found.places, found.skipped
-        require_folder(folder)
+        self._target = target_folder(folder, folder, RESULT, force=force)
+        _make(folder)
         self._claimed = _claim(folder)
         if not settings.resume:
             _forget(folder / JOURNAL)
-        self._journal = Journal(folder / JOURNAL)
-        self._journal.read()
         self._salt = read_salt(folder / SALT).decode("ascii", "replace")
+        self._journal = Journal(folder / JOURNAL, self._salt)
+        self._journal.read()
         self._hash = settings_hash(settings.as_json())
         self._engine = engine
         self.answers: dict[str, LogAnswer] = {}
@@ -145,7 +157,7 @@ class Fleet:
 
     def _known(self, place: Place) -> LogAnswer | None:
         """The answer of an earlier run with this version and these settings for an unchanged log."""
-        found = self._journal.answers.get((place.address, self._hash))
+        found = self._journal.known(place.address, self._hash)
         fits = found is not None and found.mark == place.mark and found.version == __version__ and found.done
         return found if fits else None
 
@@ -157,7 +169,7 @@ class Fleet:
             if answer.settings == self._hash and answer.version == __version__ and answer.done and answer.log_sha256
         }
         sizes = Counter(_size(place.mark) for place in self.places)
-        here = {place.address for place in self.places}
+        here = {self._journal.written(place.address) for place in self.places}
         sizes.update(_size(answer.mark) for answer in known.values() if answer.place not in here)
         first: dict[str, Place] = {}
         left, moved = [], []
@@ -240,9 +252,23 @@ class Fleet:
         return sorted_failures(self.counted())
 
     def write_tables(self) -> None:
-        """Write both tables, each in one step."""
-        write_table(self.folder / TABLE, self.rows(), Row)
-        write_table(self.folder / FAILED, self.failures(), Failed)
+        """Write both tables in one step; a page and a JSON file of an earlier run go with its tables."""
+        with self.writing():
+            pass
+
+    @contextmanager
+    def writing(self) -> Iterator[Path]:
+        """A folder with both tables, for what goes with them; when the context ends well all of it appears in one step.
+
+        Raises
+        ------
+        UsageError
+            The folder cannot be written, or foreign files are in the way.
+        """
+        with making(self._target) as made:
+            write_table(made.place / TABLE, self.rows(), Row)
+            write_table(made.place / FAILED, self.failures(), Failed)
+            yield made.place
 
     def close(self) -> None:
         """Let others use the folder."""
@@ -282,29 +308,31 @@ def _moved(answer: LogAnswer, place: Place) -> LogAnswer:
     )
 
 
-def require_folder(folder: Path) -> None:
-    """Make the folder of a fleet, or take one that a fleet made.
-
-    Raises
-    ------
-    UsageError
-        It holds something else, or cannot be made.
-    """
+def _make(folder: Path) -> None:
+    """Make the folder of a fleet, where its journal grows."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        inside = [path.name for path in folder.iterdir()]
     except OSError as error:
         raise UsageError(
             f"{folder} cannot be used: {error.strerror or error}", needed="a folder that you may write to"
         ) from error
-    if inside and JOURNAL not in inside and TABLE not in inside and set(inside) - {SALT, _LOCK}:
-        raise UsageError(
-            f"{folder} contains other files",
-            needed="a new folder or that of an earlier fleet",
-            remedy="choose another --out",
-        )
-    if TABLE in inside:
-        require_table(folder / TABLE)
+
+
+def _main_document(path: Path) -> Mapping[str, Any]:
+    """What makes a folder a fleet's: its JSON, or of a run without a page its table."""
+    if path.name == TABLE:
+        try:
+            require_table(path)
+        except UsageError as error:
+            raise ValueError(str(error)) from error
+        return {"schema": "rotorid.fleet"}
+    return read_json(path)
+
+
+RESULT = ResultKind(
+    mains=(FILE, TABLE), schema="rotorid.fleet", files=(PAGE, FAILED, "fleet.pdf"), reader=_main_document
+)
+"""What a fleet writes in one step."""
 
 
 def _forget(journal: Path) -> None:

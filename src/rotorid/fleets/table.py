@@ -11,8 +11,9 @@ import hashlib
 import json
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -23,12 +24,16 @@ from rotorid.io.documents import parse_json
 from rotorid.io.folders import replacing
 
 TABLE, FAILED, JOURNAL, SALT = "fleet.parquet", "failed.parquet", "fleet.journal", "fleet.salt"
+FILE, PAGE = "fleet.json", "fleet.html"
 SCHEMA = "rotorid.fleet.table/1"
 _JOURNAL_SCHEMA = "rotorid.fleet.journal/1"
 REVIEW = "review"
 """What the table calls measures of a review in the place of a model."""
 
 _MOST_LINE_BYTES = 64 << 20
+_WRITTEN = re.compile(r"[0-9a-f]{32}/")
+MEMBER = "!"
+"""Between an archive and the name of a log in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +99,7 @@ class Row(Immutable):
         return self.log, self.log_sha256, self.flight, self.model, self.parameter
 
 
-Failure: TypeAlias = Literal["refused", "unreadable", "died", "time", "memory", "error"]
+Failure: TypeAlias = Literal["refused", "unreadable", "unreachable", "died", "time", "memory", "error"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +167,7 @@ class LogAnswer(Immutable):
 
     @property
     def done(self) -> bool:
-        """Whether another run would answer the same: what ended a worker may not end the next."""
+        """Whether another run would answer the same: a worker or a store that failed may not fail the next."""
         return all(failure.kind in ("refused", "unreadable") for failure in self.failed)
 
     def as_json(self) -> str:
@@ -248,10 +253,42 @@ def settings_hash(asked: Mapping[str, Any]) -> str:
 
 @dataclass(eq=False)
 class Journal:
-    """Answers in the order of arrival, one per line; an interrupted run loses at most the last one."""
+    """Answers in the order of arrival, one per line; an interrupted run loses at most the last one.
+
+    Folders of this machine are not written: a place is a hash of its address and its last two names.
+
+    Parameters
+    ----------
+    path
+        Where it is.
+    salt
+        Of the hashes.
+    answers
+        By the written place and the hash of the settings.
+    """
 
     path: Path
+    salt: str = ""
     answers: dict[tuple[str, str], LogAnswer] = field(default_factory=dict)
+
+    def written(self, place: str) -> str:
+        """An address as it is written.
+
+        Examples
+        --------
+        >>> Journal(Path("fleet.journal"), "salt").written("/home/someone/quad/a.ulg")[32:]
+        '/quad/a.ulg'
+        """
+        if _WRITTEN.match(place):
+            return place
+        names = place.replace(MEMBER, "/").replace("\\", "/").split("/")
+        digest = hashlib.blake2b(place.encode("utf-8", "replace"), key=self.salt.encode()[:64], digest_size=16)
+        return "/".join([digest.hexdigest(), *names[-2:]])
+
+    def known(self, place: str, settings: str) -> LogAnswer | None:
+        """What an earlier run answered for a place."""
+        found = self.answers.get((self.written(place), settings))
+        return None if found is None else replace(found, place=place)
 
     def read(self) -> None:
         """Take in what earlier runs wrote, the later answer for each log; a line that was cut off is cut away.
@@ -291,8 +328,10 @@ class Journal:
                 f"{self.path} is not a journal of this version", needed=_JOURNAL_SCHEMA, remedy="choose another --out"
             )
 
-    def _keep(self, answer: LogAnswer) -> None:
+    def _keep(self, answer: LogAnswer) -> LogAnswer:
+        answer = replace(answer, place=self.written(answer.place))
         self.answers[answer.place, answer.settings] = answer
+        return answer
 
     def add(self, answer: LogAnswer) -> None:
         """Write one answer down.
@@ -302,7 +341,7 @@ class Journal:
         UsageError
             There is no room; what was written before stays whole.
         """
-        self._keep(answer)
+        answer = self._keep(answer)
         before = self.path.stat().st_size if self.path.exists() else 0
         head = "" if before else json.dumps({"schema": _JOURNAL_SCHEMA}) + "\n"
         try:

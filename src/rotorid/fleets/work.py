@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -16,7 +17,7 @@ from rotorid.data.display import visible
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, reason_of
 from rotorid.fleets.identity import board_of, hidden
-from rotorid.fleets.places import Place, fetched
+from rotorid.fleets.places import Place, UnreachableError, fetched, is_of_place
 from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
 from rotorid.flights.motor_balance import patterns_of, rotor_geometry
 from rotorid.flights.same_vehicle import Aircraft, aircraft_of, gains_of
@@ -37,6 +38,9 @@ _ON_THE_GROUND_S = 10.0
 _MARGIN_S = 3.0
 """What a flight is cut out with, before and after."""
 
+
+_FOLDERS = re.compile(r"(?<![\w.:/\\])(?:[A-Za-z]:)?[/\\](?:[^/\\\s'\"]+[/\\])*(?=[^/\\\s'\"])")
+"""Folders of an absolute path, before the name of a file."""
 
 Part = TypeVar("Part")
 
@@ -91,7 +95,8 @@ def answer(task: Task) -> LogAnswer:
             with fetched(task.place) as log:
                 found = _answer(task, log)
     except LogError as error:
-        found = failure(task, "unreadable", str(error))
+        elsewhere = isinstance(error, UnreachableError) or is_of_place(error.__cause__)
+        found = failure(task, "unreachable" if elsewhere else "unreadable", str(error))
     except MemoryError:
         found = failure(task, "memory", "It asked for more memory than one log may use.")
     # A fault of the program costs this log alone, and is named in the table of failures.
@@ -110,9 +115,20 @@ def failure(task: Task, kind: Failure, reason: str) -> LogAnswer:
         flight=0,
         model="",
         kind=kind,
-        reason=visible(" ".join(reason.split()))[:500],
+        reason=_printed(reason),
     )
     return _empty(task, failed=(failed,))
+
+
+def _printed(reason: str) -> str:
+    """A reason for the tables, which are passed on: on one line, without folders of this machine.
+
+    Examples
+    --------
+    >>> _printed("/home/someone/flights/a.ulg is empty; see s3://fleet/a.ulg, 3 m/s")
+    'a.ulg is empty; see s3://fleet/a.ulg, 3 m/s'
+    """
+    return visible(_FOLDERS.sub("", " ".join(reason.split())))[:500]
 
 
 def _empty(task: Task, **more: Any) -> LogAnswer:
@@ -155,7 +171,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
     for number, flight in flights_of(record).items():
         for name, result in _model_results(flight, task):
             if isinstance(result, str):
-                reason = (_stayed_on_the_ground(record) or result)[:500]
+                reason = _printed(_stayed_on_the_ground(record) or result)
                 failed.append(Failed(**facts, flight=number, model=name, kind="refused", reason=reason))
                 continue
             common: dict[str, Any] = {
@@ -169,7 +185,7 @@ def _answer(task: Task, log: Path) -> LogAnswer:
                 **{name: visible(words) for name, words in asdict(aircraft).items()},
             }
             rows += [Row(**common, **numbers) for numbers in result]
-    failed += [Failed(**facts, flight=0, model=what, kind="error", reason=why[:500]) for what, why in lost.items()]
+    failed += [Failed(**facts, flight=0, model=what, kind="error", reason=_printed(why)) for what, why in lost.items()]
     return _empty(
         task,
         log_sha256=record.source.sha256,

@@ -58,6 +58,11 @@ _active: set[Path] = set()
 """Folders that this process is making."""
 
 
+def read_json(path: Path) -> Any:
+    """The JSON in a file."""
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class ResultKind:
     """How the results of a command are known again.
@@ -72,12 +77,15 @@ class ResultKind:
         Patterns of the files beside it that are the command's own.
     listed
         Files that the JSON names, each with its SHA-256 or nothing.
+    reader
+        Reads a main file; whatever is wrong with it is an OSError, a ValueError or a RecursionError.
     """
 
     mains: tuple[str, ...]
     schema: str = "rotorid."
     files: tuple[str, ...] = ()
     listed: Callable[[Mapping[str, Any]], Mapping[str, str | None]] = field(default=lambda _: {})
+    reader: Callable[[Path], Mapping[str, Any]] = field(default=read_json)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -291,7 +299,7 @@ def _main(folder: Path, kind: ResultKind) -> tuple[Mapping[str, Any] | None, int
             facts = path.lstat()
             if not stat.S_ISREG(facts.st_mode) or facts.st_size > _RESULT_BYTES:
                 continue
-            document = json.loads(path.read_text(encoding="utf-8"))
+            document = kind.reader(path)
         except (OSError, ValueError, RecursionError):
             continue
         if isinstance(document, dict) and str(document.get("schema", "")).startswith(kind.schema):

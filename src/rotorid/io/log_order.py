@@ -6,8 +6,10 @@ import re
 
 _STAMP = re.compile(
     r"(?<!\d)(20[0-4]\d)[-_.]?([01]?\d)[-_.]?([0-3]?\d)"
-    r"(?:[-_ T/]{1,3}([0-2]?\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d))?(?!\d)"
+    r"(?:[-_ T/]{1,3}([0-2]?\d)[-_.:h]?([0-5]\d)[-_.:m]?([0-5]\d))?(?!\d)",
+    re.ASCII,
 )
+_NUMBER = re.compile(r"([0-9]{1,18})")
 
 
 def time_of(address: str) -> str:
@@ -39,6 +41,6 @@ def natural(name: str) -> tuple[tuple[int, int, str], ...]:
     >>> sorted(["log10", "log9"], key=natural)
     ['log9', 'log10']
     """
-    return tuple(
-        (0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d{1,18})", name) if part
-    )
+    # Superscripts and the digits of other scripts are letters here: some are digits without a value.
+    parts = filter(None, _NUMBER.split(name))
+    return tuple((0, int(part), "") if _NUMBER.fullmatch(part) else (1, 0, part) for part in parts)

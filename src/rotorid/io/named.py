@@ -28,16 +28,20 @@ class FoundLogs:
         The logs, each once: of a folder all logs below it, in the order of their names.
     skipped
         Other files of the folders: neither their names nor their first bytes are those of a log.
+    linked
+        Links in the folders that lead out of them, which are not followed.
     """
 
     files: tuple[Path, ...]
     skipped: tuple[Path, ...] = ()
+    linked: tuple[Path, ...] = ()
 
 
 def find_logs(paths: Sequence[Path], *, archives: bool = False) -> FoundLogs:
     """The logs behind what was named, and what the folders hold besides.
 
-    A folder that is itself one log, of ``ulog2csv`` files, stays as it is. Hidden files are not looked at.
+    A folder that is itself one log, of ``ulog2csv`` files, stays as it is. Hidden files are not looked at, and links
+    that lead out of a folder are not followed: who packed it would choose what is read.
 
     Parameters
     ----------
@@ -51,29 +55,46 @@ def find_logs(paths: Sequence[Path], *, archives: bool = False) -> FoundLogs:
     """
     files: dict[Path, None] = {}
     skipped: dict[Path, None] = {}
+    linked: dict[Path, None] = {}
     for path in paths:
-        logs, others = _behind(path, archives)
+        logs, others, links = _behind(path, archives)
         files |= dict.fromkeys(logs)
         skipped |= dict.fromkeys(others)
-    return FoundLogs(files=tuple(files), skipped=tuple(path for path in skipped if path not in files))
+        linked |= dict.fromkeys(links)
+    return FoundLogs(
+        files=tuple(files),
+        skipped=tuple(path for path in skipped if path not in files),
+        linked=tuple(path for path in linked if path not in files),
+    )
 
 
-def _behind(path: Path, archives: bool) -> tuple[list[Path], list[Path]]:
+def _behind(path: Path, archives: bool) -> tuple[list[Path], list[Path], list[Path]]:
     from rotorid.io.px4.folder import is_folder_log
 
     if not path.is_dir() or is_folder_log(path):
-        return [path], []
+        return [path], [], []
     logs: list[Path] = []
     others: list[Path] = []
+    links: list[Path] = []
+    root = path.resolve()
     for file in sorted(_visible(path)):
+        if file.is_symlink() and not file.resolve().is_relative_to(root):
+            links.append(file)
+            continue
         archive = archives and file.suffix.lower() == _ARCHIVE
         (logs if archive or holds_log(file, partial(_head, file)) else others).append(file)
+    if not logs and links:
+        raise UsageError(
+            f"{path} contains no flight log, only {linked_words(links)}",
+            needed="logs in the folder",
+            remedy="name the folder or the files that they lead to",
+        )
     if not logs:
         raise UsageError(
             f"{path} contains no flight log" + (f", only {skipped_words(others)}" if others else ""),
             needed=f"files that end in {', '.join(sorted(ENDINGS))}, packed or not, or logs without an ending",
         )
-    return logs, others
+    return logs, others, links
 
 
 def _visible(folder: Path) -> Iterator[Path]:
@@ -140,6 +161,23 @@ def skipped_words(skipped: Iterable[Path | str]) -> str:
     '2 files that are no logs: a.txt, b.png'
     """
     names = [Path(file).name for file in skipped]
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     are = "that is no log" if len(names) == 1 else "that are no logs"
-    return f"{counted(len(names), 'file')} {are}: {', '.join(names[:_MOST_NAMES])}{more}"
+    return f"{counted(len(names), 'file')} {are}: {_first(names)}"
+
+
+def linked_words(linked: Iterable[Path]) -> str:
+    """Links that are not followed, counted and named.
+
+    Examples
+    --------
+    >>> linked_words([Path("a.ulg")])
+    '1 link that leads out of the folder: a.ulg'
+    """
+    names = [file.name for file in linked]
+    lead = "that leads" if len(names) == 1 else "that lead"
+    return f"{counted(len(names), 'link')} {lead} out of the folder: {_first(names)}"
+
+
+def _first(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return f"{', '.join(names[:_MOST_NAMES])}{more}"

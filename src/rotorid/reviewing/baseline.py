@@ -99,6 +99,7 @@ def earlier_logs(record: FlightRecord, logs: Path | str | Sequence[FlightRecord 
     known = [_log(log) for log in given if isinstance(log, FlightRecord)] + [_log(log) for log in behind.files]
     craft = aircraft_of(record)
     left_out = [LeftOut(log=file.name, why="is no log") for file in behind.skipped]
+    left_out += [LeftOut(log=file.name, why="is a link that leads out of the folder") for file in behind.linked]
     kept: list[FlightRecord] = []
     for log in reversed(list(_before(record, sorted(known, key=lambda one: one.order), left_out))):
         if len(kept) == _MOST_FLIGHTS:

@@ -14,7 +14,7 @@ from rotorid.errors import LogError, UsageError
 from rotorid.fleets.identity import board_of, hidden, read_named, read_salt
 from rotorid.fleets.places import Place, fetched, find_places
 from rotorid.fleets.settings import FleetSettings, parse_memory
-from rotorid.io.log_order import time_of
+from rotorid.io.log_order import natural, time_of
 
 CARD = b"\xbc" + struct.pack("<HHH", 2, 1, 7) + b"fixedFrequency\0"
 """How a file of a Crazyflie's card begins."""
@@ -44,6 +44,40 @@ def test_logs_in_an_archive(tmp_path: Path) -> None:
     with fetched(found[1]) as log:
         assert log.read_text() == "value 2"
     assert not log.exists()
+
+
+def test_links_that_lead_out_of_a_folder_are_not_followed(tmp_path: Path) -> None:
+    outside = write_logs(tmp_path / "outside", 1)[0]
+    inside = write_logs(tmp_path / "logs", 1, first=2)[0]
+    (tmp_path / "logs" / "out.ulg").symlink_to(outside)
+    (tmp_path / "logs" / "in.ulg").symlink_to(inside)
+    (tmp_path / "logs" / "deep").symlink_to(tmp_path / "outside")
+    found = find_places([tmp_path / "logs"])
+    assert [place.name for place in found.places] == ["in.ulg", "log-0002.ulg"]
+    assert found.skipped == ("out.ulg (a link out of the folder)",)
+    # Links that were named themselves, and folders that are links, are what the user wants.
+    (tmp_path / "link").symlink_to(tmp_path / "outside")
+    assert names(tmp_path / "logs" / "out.ulg", tmp_path / "link") == ["log-0001.ulg", "out.ulg"]
+    inside.unlink()
+    with pytest.raises(UsageError, match=r"only 1 link that leads out of the folder: out\.ulg"):
+        find_places([tmp_path / "logs"])
+
+
+@pytest.mark.parametrize("name", [300 * "x" + ".csv", 300 * "\u00fc" + ".csv.gz"])
+def test_a_member_of_any_name_is_fetched(tmp_path: Path, name: str) -> None:
+    with zipfile.ZipFile(tmp_path / "many.zip", "w") as archive:
+        archive.writestr("a.csv", "time,p\n0,0\n")
+        archive.writestr(name, "time,p\n0,1\n")
+    found = next(place for place in find_places([tmp_path / "many.zip"]).places if place.name == name)
+    with fetched(found) as log:
+        assert log.read_text() == "time,p\n0,1\n"
+        assert log.suffixes == Path(name).suffixes
+
+
+@pytest.mark.parametrize("name", ["log1\u00b23.csv", "log\u0663.csv", "log\u2460.csv", "20\u0662\u0665-03-09.csv"])
+def test_digits_of_other_scripts_in_a_name_have_no_value(name: str) -> None:
+    assert [one for one in sorted(["log10", name, "log9"], key=natural) if one != name] == ["log9", "log10"]
+    assert time_of(name) == ""
 
 
 def test_addresses_of_a_store(tmp_path: Path) -> None:
@@ -179,14 +213,3 @@ def test_settings_out_of_range(wrong: dict[str, object]) -> None:
 def test_sizes_that_are_none(text: str) -> None:
     with pytest.raises(UsageError, match="memory"):
         parse_memory(text)
-
-
-def test_a_member_whose_name_no_file_can_have_is_one_log_without_an_answer(tmp_path: Path) -> None:
-    name = "x" * 300 + ".csv"
-    with zipfile.ZipFile(tmp_path / "long.zip", "w") as archive:
-        archive.writestr("a.csv", "1")
-        archive.writestr(name, "1")
-    _, place = find_places([tmp_path / "long.zip"]).places
-    assert not place.is_file
-    with pytest.raises(LogError, match="cannot be unpacked"), fetched(place):
-        pass

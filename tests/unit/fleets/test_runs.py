@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from dataclasses import replace
@@ -14,8 +15,9 @@ from tests.fleet_logs import WORK, read_table, row_of, write_logs
 from rotorid import read
 from rotorid.errors import ModelError, UsageError
 from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
-from rotorid.fleets.table import FAILED, JOURNAL, TABLE, Row, write_table
-from rotorid.fleets.work import _stayed_on_the_ground
+from rotorid.fleets.places import Place
+from rotorid.fleets.table import FAILED, FILE, JOURNAL, PAGE, SALT, TABLE, Row, write_table
+from rotorid.fleets.work import Task, _stayed_on_the_ground, answer
 from rotorid.io.tables.csv import write_csv
 
 pytest.importorskip("pyarrow")
@@ -150,21 +152,76 @@ def test_the_early_end_of_an_iteration_leaves_a_journal_to_go_on_from(tmp_path: 
     assert 5 <= run(tmp_path / "logs", tmp_path / "out").resumed < 20
 
 
-def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+def test_other_files_of_a_folder_stay(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 1)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.txt").write_text("mine")
-    with pytest.raises(UsageError, match="contains other files"):
-        Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+    for resumed in (0, 1):
+        assert run(tmp_path / "logs", tmp_path / "out").resumed == resumed
+        assert (tmp_path / "out" / "thesis.txt").read_text() == "mine"
+        assert len(read_table(tmp_path / "out" / TABLE)) == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"logs", "out"}
 
 
-@pytest.mark.parametrize("name", [TABLE, JOURNAL])
-def test_a_table_of_another_schema_is_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", [TABLE, FAILED, PAGE, FILE, JOURNAL])
+def test_foreign_files_where_the_tables_go_are_refused(tmp_path: Path, name: str) -> None:
     write_logs(tmp_path / "logs", 1)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / name).write_text('{"schema": "somebody/1"}\n')
-    with pytest.raises(UsageError, match=r"schema|no table"):
+    with pytest.raises(UsageError, match=r"did not write|is not a journal"):
         Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir() if path.stat().st_size > 32] == []
+
+
+def test_tables_of_a_later_run_leave_no_page_of_an_earlier_one(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 1)
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    list(one)
+    with one.writing() as place:
+        (place / PAGE).write_text("page")
+        (place / FILE).write_text('{"schema": "rotorid.fleet/1"}')
+    one.close()
+    stamps = {(tmp_path / "out" / name).stat().st_mtime_ns for name in (TABLE, FAILED, PAGE, FILE)}
+    assert len(stamps) == 1
+    run(tmp_path / "logs", tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {TABLE, FAILED, JOURNAL, SALT, "fleet.lock"}
+
+
+def test_what_fails_while_a_page_is_made_leaves_the_set_of_before(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 1)
+    run(tmp_path / "logs", tmp_path / "out")
+    before = (tmp_path / "out" / TABLE).read_bytes()
+    write_logs(tmp_path / "logs", 3)
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    list(one)
+    with pytest.raises(OSError, match="full"), one.writing():
+        raise OSError("full")
+    one.close()
+    assert (tmp_path / "out" / TABLE).read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_no_folder_of_this_machine_is_written(tmp_path: Path) -> None:
+    write_logs(tmp_path / "logs", 1)
+    write_logs(tmp_path / "logs", 1, "unreadable", first=2)
+    run(tmp_path / "logs", tmp_path / "out")
+    assert not [path for path in (tmp_path / "out").iterdir() if str(tmp_path).encode() in path.read_bytes()]
+    journal = tmp_path / "out" / JOURNAL
+    old = journal.read_text()
+    for line in old.splitlines()[1:]:
+        place = json.loads(line)["place"]
+        old = old.replace(place, str(tmp_path / "logs" / place.rpartition("/")[2]))
+    journal.write_text(old)
+    assert run(tmp_path / "logs", tmp_path / "out").resumed == 2
+
+
+def test_a_store_that_fails_is_asked_again_by_the_next_run(tmp_path: Path) -> None:
+    task = Task(place=Place(address="memory://nowhere/a.ulg", mark=""), asked={}, settings="", salt="")
+    found = answer(task)
+    assert [one.kind for one in found.failed] == ["unreachable"]
+    assert not found.done
+    gone = answer(replace(task, place=Place(address=str(tmp_path / "gone.ulg"), mark="")))
+    assert [(one.kind, str(tmp_path) in one.reason) for one in gone.failed] == [("unreachable", False)]
 
 
 def test_two_runs_in_one_folder_are_refused(tmp_path: Path) -> None:
