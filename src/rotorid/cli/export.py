@@ -98,26 +98,24 @@ def _drawn(
     choices: ExportSettings,
     drawn: DrawSettings,
     like: Aircraft | None,
-) -> tuple[list[Exported], DrawsDocument | None]:
-    """Further vehicles, drawn from the covariance of the results."""
+) -> tuple[Mapping[str, str | bytes], DrawsDocument | None]:
+    """Files of further vehicles, drawn from the covariance of the results."""
     from rotorid.documents.export import DrawsDocument
-    from rotorid.exports.exporting import export_draws
+    from rotorid.exports.exporting import draw_files, export_draws
 
     if not drawn.draws:
-        return [], None
+        return {}, None
     log_progress(f"drawing {drawn.draws} vehicles")
     vehicles, redrawn = export_draws(
         models, what.to, choices, drawn.draws, seed=drawn.seed, given=what.given, layout=what.layout, like=like
     )
-    return vehicles, DrawsDocument(count=drawn.draws, seed=drawn.seed, redrawn=redrawn)
+    made = draw_files(vehicles, what.to, choices)
+    return made.files, DrawsDocument(count=drawn.draws, seed=drawn.seed, redrawn=redrawn, start=made.start)
 
 
-def _files(exported: Exported, drawn: Sequence[Exported]) -> dict[str, str | bytes]:
-    """All files by their paths, those of draws in numbered folders."""
-    files = dict(exported.files)
-    digits = len(str(len(drawn)))
-    for number, item in enumerate(drawn, start=1):
-        files |= {f"draws/{number:0{digits}}/{name}": content for name, content in item.files.items()}
+def _files(exported: Exported, drawn: Mapping[str, str | bytes]) -> dict[str, str | bytes]:
+    """All files by their paths."""
+    files = {**exported.files, **drawn}
     written: dict[str, str] = {FILE.lower(): FILE}
     for name in files:
         if (other := written.setdefault(name.lower(), name)) != name or name == FILE:
@@ -224,6 +222,8 @@ def _print(document: ExportDocument, folder: Path, *, verbose: bool = False) -> 
     if document.draws is not None:
         again = f" ({document.draws.redrawn} impossible draws were repeated)" if document.draws.redrawn else ""
         plain(f"drawn: {counted(document.draws.count, 'vehicle')} in draws{again}")
+        if document.draws.start:
+            plain(f"use them:\n{document.draws.start}")
     if verbose and document.quantities:
         table = Table(title="quantities", title_justify="left", box=None, pad_edge=False)
         for column in ("quantity", "identified", "exported", "unit", "difference", "kept"):

@@ -42,6 +42,8 @@ TARGETS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("python", "python-control", "ss", "scipy", "statespace"), "control"),
         **dict.fromkeys(("sdf", "gz", "ignition", "gazebo-classic"), "gazebo"),
         **dict.fromkeys(("mjcf", "xml"), "mujoco"),
+        **dict.fromkeys(("l2f", "raptor", "rl_tools", "rltools"), "rl-tools"),
+        **dict.fromkeys(("drone-models", "drone_models", "toml"), "crazyflow"),
         **dict.fromkeys(("ros", "ros2", "rviz", "pybullet", "isaac"), "urdf"),
         **dict.fromkeys(("fmi", "modelica", "dymola", "openmodelica"), "fmu"),
     }

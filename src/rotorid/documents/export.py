@@ -62,11 +62,15 @@ class KeptDelaysDocument(Document):
 
 
 class DrawsDocument(Document):
-    """Vehicles drawn from the covariance: a folder each in ``draws``; ``redrawn`` draws were none."""
+    """Vehicles drawn from the covariance, in ``draws``; ``redrawn`` draws were none.
+
+    Each has a folder, or all are in one file, which the lines of ``start`` load.
+    """
 
     count: int
     seed: int
     redrawn: int
+    start: str = ""
 
 
 class ExportDocument(Document):

@@ -1,3 +1,4 @@
+from rotorid.exports.exporting import draw_files as draw_files
 from rotorid.exports.exporting import export as export
 from rotorid.exports.exporting import export_draws as export_draws
 from rotorid.exports.exporting import joined as joined

@@ -13,6 +13,7 @@ from rotorid.exports.target import Exported
 from rotorid.exports.targets import Target, target_named
 
 if TYPE_CHECKING:
+    from rotorid.exports.learners import DrawnFiles
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.models.rotors import RotorLayout
     from rotorid.results.model import IdentifiedModel
@@ -140,6 +141,32 @@ def export_draws(
         return export(vehicle, target, choices)
 
     return draws(models, count, made, rng=np.random.default_rng(seed))
+
+
+def draw_files(drawn: Sequence[Exported], target: str, choices: ExportSettings) -> DrawnFiles:
+    """Files of drawn vehicles: one with all of them where the target has such a format, else a numbered folder each.
+
+    Parameters
+    ----------
+    drawn
+        Of :func:`export_draws`.
+    target, choices
+        As there.
+    """
+    from rotorid.exports.learners import DrawnFiles
+
+    found = target_named(target)
+    if found.together and drawn:
+        made: DrawnFiles = import_module(f"rotorid.exports.{found.module}").together(drawn, choices.names)
+        return made
+    digits = len(str(len(drawn)))
+    return DrawnFiles(
+        files={
+            f"draws/{number:0{digits}}/{name}": content
+            for number, item in enumerate(drawn, start=1)
+            for name, content in item.files.items()
+        }
+    )
 
 
 def joined(

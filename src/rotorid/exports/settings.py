@@ -124,7 +124,8 @@ class TargetSettings(Immutable):
         str,
         Option(
             "--to",
-            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, allocation (ArduPilot, Betaflight, PX4), "
+            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, rl-tools (l2f, RAPTOR), crazyflow, "
+            "allocation (ArduPilot, Betaflight, PX4), "
             "matlab (Simulink, Octave), control (python-control), fmu (Simulink, Modelica) or json.",
             "What is written",
             Text("TARGET", parse_target),

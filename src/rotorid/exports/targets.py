@@ -28,6 +28,8 @@ class Target(Immutable):
         Whether it has linear models, with delays as states and a sample rate.
     lag
         Whether its motors have a lag, to which a delay can be added.
+    together
+        Whether drawn vehicles are in one file, by the function ``together`` of its module.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Target(Immutable):
     scale: bool = True
     states: bool = False
     lag: bool = True
+    together: bool = False
 
 
 TARGETS: Mapping[str, Target] = {
@@ -49,6 +52,12 @@ TARGETS: Mapping[str, Target] = {
         Target(name="mujoco", summary="MuJoCo: MJCF with a hovering keyframe", module="mujoco"),
         Target(name="rotorpy", summary="RotorPy: a Python file with its parameters", module="rotorpy"),
         Target(name="urdf", summary="gym-pybullet-drones: URDF", module="urdf", lag=False),
+        Target(
+            name="rl-tools", summary="rl-tools, l2f and RAPTOR: the dynamics as JSON", module="rl_tools", together=True
+        ),
+        Target(
+            name="crazyflow", summary="crazyflow and drone-models: a section of TOML", module="crazyflow", together=True
+        ),
         Target(
             name="allocation",
             summary="Motor factors for ArduPilot (Lua), Betaflight (mmix) and PX4 (CA_ROTOR)",

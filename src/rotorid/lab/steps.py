@@ -74,7 +74,19 @@ class Step(BaseModel):
     noise: Number | None = None
     keep: tuple[Literal["P", "I", "D", "A"], ...] = ()
     to: Literal[
-        "px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "allocation", "matlab", "control", "fmu", "json"
+        "px4-sih",
+        "ardupilot",
+        "gazebo",
+        "mujoco",
+        "rotorpy",
+        "urdf",
+        "rl-tools",
+        "crazyflow",
+        "allocation",
+        "matlab",
+        "control",
+        "fmu",
+        "json",
     ] = "json"
     values: dict[Name, Number] = Field(default_factory=dict, max_length=30)
 

@@ -92,6 +92,20 @@ def test_a_result_is_replaced_and_foreign_files_stay(of_motors: Path, tmp_path: 
     ]
 
 
+@pytest.mark.parametrize(("target", "file"), [("rl-tools", "rl_tools.json"), ("crazyflow", "crazyflow.toml")])
+def test_draws_for_learners_are_one_file_with_the_lines_that_load_it(
+    of_motors: Path, tmp_path: Path, target: str, file: str
+) -> None:
+    out = tmp_path / "out"
+    ran = rotorid("export", of_motors, "--to", target, "--draws", "12", "--set", "T_motor=0.05", "--out", out)
+    assert ran.code == 0
+    assert [path.name for path in (out / "draws").iterdir()] == [f"vehicle_{file}"]
+    assert f"draws/vehicle_{file}" in ran.out
+    assert len(ran.out.splitlines()) <= 40
+    assert f"draws/vehicle_{file}" in json.loads((out / "export.json").read_text())["draws"]["start"]
+    assert (out / "draws" / f"vehicle_{file}").read_text().count("vehicle_") == 12
+
+
 def test_draws_are_vehicles_in_numbered_folders(of_motors: Path, tmp_path: Path) -> None:
     def drawn(folder: str, seed: int) -> list[float]:
         out = tmp_path / folder
