@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import os
 import pickle
+import re
 import select
 import subprocess
 import sys
@@ -56,7 +57,7 @@ def patterns() -> Iterator[tuple[str, str | bytes, int, frozenset[str]]]:
     """Every pattern of the sources with its place and flags; one that is no constant has to have a name of its own."""
     for file in sorted(ROOT.rglob("*.py")):
         text = file.read_text(encoding="utf-8")
-        if "import re" not in text:
+        if not re.search(r"\bimport re\b", text):
             continue
         module = ".".join(("rotorid", *file.relative_to(ROOT).with_suffix("").parts))
         tree = ast.parse(text)

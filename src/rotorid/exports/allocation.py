@@ -281,9 +281,9 @@ def _text(value: float) -> str:
 
 def lua_factors(text: str) -> FloatArray:
     """Factors of a script as ArduPilot takes them: roll, pitch and yaw up to one half, thrust up to one."""
-    rows = [line.split(",") for line in re.findall(r"add_motor_raw\(([^)]*)\)", text)]
+    rows = [line.split(",") for line in re.findall(r"add_motor_raw\(([^()]*)\)", text)]
     factors = np.column_stack([np.array(rows, dtype=np.float64)[:, 1:4], np.ones(len(rows))])
-    for motor, thrust in re.findall(r"set_throttle_factor\((\d+), ([^)]*)\)", text):
+    for motor, thrust in re.findall(r"set_throttle_factor\((\d+), ([^()]*)\)", text):
         factors[int(motor), 3] = float(thrust)
     return np.asarray(factors / np.abs(factors).max(axis=0) * (0.5, 0.5, 0.5, 1.0))
 
