@@ -7,6 +7,7 @@ import doctest
 import importlib
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,14 +42,6 @@ STANDING_FOR = {
 }
 """A logger, a setting, any command, how some schemas begin, a format that is added."""
 
-DEFINED = {
-    node.name
-    for path in (ROOT / "src").rglob("*.py")
-    for node in ast.parse(path.read_text("utf-8")).body
-    if isinstance(node, (ast.FunctionDef, ast.ClassDef))
-}
-"""Functions and classes of all modules."""
-
 GENERATED = ("commands/", "api/", "schemas.md")
 """Links to pages that only the site has."""
 
@@ -58,6 +51,17 @@ EXAMPLES = re.compile(r"docs/(?:my|your)|[/_](?:NAME|PACKAGE|MODULE|PAGE)\b")
 
 def name_of(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
+
+
+@cache
+def defined() -> frozenset[str]:
+    """Functions and classes of all modules; every worker collects this file, and one of them needs to know."""
+    return frozenset(
+        node.name
+        for path in (ROOT / "src").rglob("*.py")
+        for node in ast.parse(path.read_text("utf-8")).body
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+    )
 
 
 def exists(dotted: str) -> bool:
@@ -109,7 +113,7 @@ def test_every_dotted_name_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_names_of_the_package_are_written_in_full(page: Path) -> None:
     """A path without ``rotorid`` in front goes stale unseen when modules move."""
-    assert not [match[0] for match in SHORT.finditer(page.read_text("utf-8")) if match[1] in DEFINED]
+    assert not [match[0] for match in SHORT.finditer(page.read_text("utf-8")) if match[1] in defined()]
 
 
 def test_every_dotted_name_in_the_source_exists() -> None:
