@@ -150,4 +150,4 @@ def _settings(found: FilterProposal) -> str:
     values = [f"{command_line_name(name)} = {new:g}" for part in found.parts for name, (_, new) in part.values.items()]
     shown = ", ".join(values[:6])
     more = f" and {counted(len(values) - 6, 'more')}" if len(values) > 6 else ""
-    return f"Set {shown}{more}; the file "filters" sets all of these, "filters_rollback" restores today's."
+    return f"Set {shown}{more}; the file filters sets them all, the file filters_rollback restores today's values."
