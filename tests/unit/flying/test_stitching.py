@@ -179,3 +179,9 @@ def test_exact_models_fly_through_the_speeds_as_the_vehicle_does(tmp_path: Path,
     assert "through.ulg" in page
     # The spread by the covariance grows from nothing at the start.
     assert flown.spread["u"][0] == 0.0 < flown.spread["u"][-1]
+
+
+def test_tables_have_the_lags_and_delays_of_the_results(stitched: Stitched) -> None:
+    model = stitched.stitched_model()
+    np.testing.assert_allclose(model.delay_s, 0.005)
+    np.testing.assert_allclose(model.lag_s, CRAFT.vehicle.rotors.lag_up_s)

@@ -97,3 +97,35 @@ def test_tables_that_do_not_belong_together() -> None:
         replace(model, lag_s=model.lag_s[:1])
     with pytest.raises(UsageError, match="four rows"):
         simulate_stitched(model, np.zeros((3, 9)), sample_rate_hz=RATE_HZ, start={})
+
+
+def made_up(*, delay_s: float = 0.0) -> StitchedModel:
+    """One speed, trimmed while it banks by 0.4 and pitches by 0.5 rad; only the roll command does anything."""
+    derivatives = np.zeros((1, 6, 10))
+    derivatives[0, FORCES.index("L"), len(MOTIONS) + AXES.index("roll")] = 10.0
+    return StitchedModel(
+        speed_m_s=[0.0],
+        derivatives=derivatives,
+        trim=np.array([[0.0, 0.0, 0.0, 0.4, 0.5, 0.0, 0.0, 0.0, 0.5]]),
+        lag_s=np.full((1, 4), 0.02),
+        delay_s=np.full((1, 4), delay_s),
+    )
+
+
+def test_a_trim_that_banks_and_pitches_stays() -> None:
+    model = made_up()
+    commands = np.outer(model.trim[0, 5:], np.ones(250))
+    flown = simulate_stitched(model, commands, sample_rate_hz=RATE_HZ, start=start(model, 0))
+    for name in ("u", "v", "w", "p", "q", "r", "phi", "theta"):
+        np.testing.assert_allclose(flown[name], flown[name][0], atol=1e-9, err_msg=name)
+
+
+def test_a_command_arrives_when_the_delay_of_its_table_has_passed() -> None:
+    model = made_up(delay_s=0.1)
+    commands = np.outer(model.trim[0, 5:], np.ones(100))
+    commands[0, 25:] += 0.1
+    p = simulate_stitched(model, commands, sample_rate_hz=RATE_HZ, start=start(model, 0))["p"]
+    time_s = np.arange(100) / RATE_HZ
+    assert np.abs(p[time_s < 0.195]).max() < 1e-12
+    # The lag of the motors comes on top.
+    assert p[-1] == pytest.approx(10.0 * 0.1 * (time_s[-1] - 0.2 - 0.02), abs=0.005)

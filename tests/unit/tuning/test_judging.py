@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 from rotorid.models.controller import RateController
-from rotorid.tuning import UncertainPlant, frequency_grid, situations_of, uncertain_plant
-from rotorid.tuning.judging import CommandNoise, LoopVerdict, loop_verdict, worst
+from rotorid.tuning import LoopFigures, UncertainPlant, frequency_grid, situations_of, uncertain_plant
+from rotorid.tuning.judging import CommandNoise, Figures, LoopVerdict, loop_verdict, worst
 from rotorid.typing import ComplexArray, FloatArray
 
 OMEGA = frequency_grid(RateController(proportional_s=0.1, step_s=1.0 / 400.0))
@@ -100,3 +102,57 @@ def test_noise_at_the_motors_counts(noise: CommandNoise, expected: str) -> None:
 def test_the_worst_axis_decides() -> None:
     assert worst({"roll": "not_enough_data", "pitch": "do_not_fly", "yaw": "fly"}) == "do_not_fly"
     assert worst({"roll": "not_enough_data", "yaw": "gently"}) == "not_enough_data"
+
+
+def shared_out(*groups: tuple[float, float]) -> LoopFigures:
+    """Loops of 200 draws by the peaks of their sensitivities: share of the draws, and the peak of these."""
+    peaks = np.concatenate([np.full(round(200 * share), peak) for share, peak in groups])
+    same = {item.name: np.full(200, 10.0) for item in fields(LoopFigures)}
+    return LoopFigures(**{**same, "sensitivity_peak": peaks, "stable": (peaks < 9.0).astype(float)})
+
+
+CALM = shared_out((1.0, 1.2))
+
+
+@pytest.mark.parametrize(
+    ("groups", "expected"),
+    [
+        # The peak that every likely plant has.
+        ([(1.0, 1.99)], "fly"),
+        ([(1.0, 2.01)], "gently"),
+        ([(1.0, 2.39)], "gently"),
+        ([(1.0, 2.41)], "do_not_fly"),
+        # The share of the plants that has a bad one.
+        ([(0.955, 1.5), (0.045, 2.6)], "fly"),
+        ([(0.945, 1.5), (0.055, 2.6)], "gently"),
+        ([(0.905, 1.5), (0.095, 2.6)], "gently"),
+        ([(0.895, 1.5), (0.105, 2.6)], "do_not_fly"),
+    ],
+)
+@pytest.mark.parametrize("loop", ["rate", "whole"])
+def test_a_twentieth_of_the_plants_may_be_above_2_and_a_tenth_above_2_4(
+    groups: list[tuple[float, float]], expected: str, loop: str
+) -> None:
+    found = shared_out(*groups)
+    figures = Figures(found, CALM) if loop == "rate" else Figures(CALM, found)
+    assert loop_verdict(plant(), {"": figures}).verdict == expected
+
+
+def test_a_loop_that_a_tenth_of_the_plants_makes_unstable_is_refused_whatever_its_peak() -> None:
+    stable = np.arange(200) >= 21
+    found = loop_verdict(plant(), {"": Figures(CALM, replace(CALM, stable=stable.astype(float)))})
+    assert (found.verdict, found.refused_peak, found.unstable) == ("do_not_fly", np.inf, 0.105)
+
+
+@pytest.mark.parametrize(("top", "expected"), [(1.7, "fly"), (1.6, "not_enough_data")])
+def test_calm_loops_are_not_called_safe_where_they_cross_over_beyond_six_times_the_band(
+    top: float, expected: str
+) -> None:
+    """They cross over at 10 rad/s."""
+    assert loop_verdict(plant(top), {"": Figures(CALM, CALM)}).verdict == expected
+
+
+@pytest.mark.parametrize(("floor", "expected"), [(0.09, "do_not_fly"), (0.12, "not_enough_data")])
+def test_a_plant_that_is_known_to_10_percent_refuses_gains(floor: float, expected: str) -> None:
+    figures = shared_out((0.8, 2.2), (0.2, 2.6))
+    assert loop_verdict(plant(floor=floor), {"": Figures(figures, figures)}).verdict == expected

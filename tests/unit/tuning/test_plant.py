@@ -11,7 +11,8 @@ from rotorid.errors import InsufficientDataError
 from rotorid.loops.rate_loops import shown_quantities
 from rotorid.proposing.plants import require_known
 from rotorid.tuning.loops import loop_figures
-from rotorid.tuning.plant import MeasuredRatio, uncertain_plant
+from rotorid.tuning.plant import MeasuredRatio, UncertainPlant, uncertain_plant
+from rotorid.typing import ComplexArray, FloatArray
 
 
 def test_errors_that_neighbors_share_are_not_carried_far() -> None:
@@ -53,3 +54,44 @@ def test_a_flown_loop_has_no_number_beyond_the_reach_of_its_plant() -> None:
     near, far = (loop_figures(omega, gain * plant.drawn(omega) * np.exp(-1e-3j * omega)) for gain in (0.5, 1.0))
     assert known <= shown_quantities(near, plant).keys()
     assert known.isdisjoint(shown_quantities(far, plant))
+
+
+def flat(omega: FloatArray) -> ComplexArray:
+    return np.ones(np.shape(omega), dtype=np.complex128)
+
+
+def gain_std(plant: UncertainPlant, omega_rad_s: float) -> float:
+    at = np.array([omega_rad_s])
+    return float(np.std(np.log(np.abs(plant.drawn(at) / plant.response(at)))))
+
+
+@pytest.mark.parametrize(("omega", "std"), [(5.0, 0.02), (20.0 * np.e, 0.151), (20.0 * np.e**2, 0.301), (0.5, 0.106)])
+def test_doubt_grows_with_the_distance_from_the_band(omega: float, std: float) -> None:
+    """2 % inside, and 15 % more for each factor of e outside."""
+    plant = uncertain_plant(flat, None, band_rad_s=(1.0, 20.0), draws=2000)
+    assert gain_std(plant, omega) == pytest.approx(std, rel=0.08)
+
+
+def measured(ratio: ComplexArray, omega: FloatArray, std: float) -> MeasuredRatio:
+    """A response whose points err by themselves."""
+    return MeasuredRatio(omega_rad_s=omega, ratio=ratio, covariance=2.0 * std**2 * np.eye(omega.size, dtype=complex))
+
+
+def test_noise_of_a_measurement_is_averaged_and_leaves_doubt() -> None:
+    """Points that err by 20 % each show a flat plant to some percent, and no more wiggles than are there."""
+    omega, rng = np.geomspace(1.0, 20.0, 40), np.random.default_rng(2)
+    ratio = np.exp(0.2 * (rng.standard_normal(40) + 1j * rng.standard_normal(40)))
+    plant = uncertain_plant(flat, measured(ratio, omega, 0.2), band_rad_s=(1.0, 20.0))
+    inside = omega[5:-5]
+    assert np.abs(np.log(plant.response(inside))).max() < 0.2
+    assert min(gain_std(plant, at) for at in inside) > 0.04
+
+
+def test_a_model_that_is_off_by_half_gives_way_to_its_measurement() -> None:
+    omega = np.geomspace(1.0, 20.0, 40)
+    plant = uncertain_plant(flat, measured(1.5 * flat(omega), omega, 0.05), band_rad_s=(1.0, 20.0))
+    assert abs(plant.response(np.array([5.0]))[0]) == pytest.approx(1.5, abs=0.03)
+
+
+def test_stability_counts_from_half_an_octave_above_the_lower_end() -> None:
+    assert uncertain_plant(flat, None, band_rad_s=(2.0, 20.0), draws=2).known_from_rad_s == 3.0

@@ -108,3 +108,31 @@ def test_a_parameter_that_shows_little_of_a_column_bounds_it(steep: FloatArray, 
     assert share(5.0) == pytest.approx(1.0)
     assert 0.0 < share(0.0) < 0.1
     assert share(np.nan) == pytest.approx(1.0)
+
+
+def size(residual: FloatArray, stated: float) -> float:
+    """The model error that counts, of residuals whose random errors are said to have a size."""
+    nothing, count = np.zeros(residual.size), residual.size
+    found = model_error(shapes(nothing, largest=0), residual, np.zeros((count, 0)), stated**2 * np.eye(count))
+    return found.deviations["ax/pitch"]
+
+
+def test_residuals_that_are_smaller_than_stated_leave_half_a_percent(noise: FloatArray) -> None:
+    """They are small by chance, or their errors are overstated: a sensor is no better than 0.5 %."""
+    assert 0.001 < size(0.003 * noise, 0.05) <= 0.005
+
+
+def test_no_model_error_is_larger_than_three_times_the_typical_residual(noise: FloatArray) -> None:
+    """Where random errors are said to be a hundred times as large, residuals still bound it."""
+    typical = 0.8693 * float(np.quantile(np.abs(3.0 * noise), 0.75))
+    assert 0.5 * typical < size(3.0 * noise, 0.9) <= 3.0 * typical
+
+
+def test_beyond_30_percent_nothing_is_described() -> None:
+    assert size(np.concatenate([2.0 * np.sin(2.0 * np.log(OMEGA)), np.zeros(OMEGA.size)]), NOISE) <= 0.3001
+
+
+def test_half_of_what_no_residual_shows_is_below_the_usual_size() -> None:
+    """Errors of 300 % leave what is usual of model errors: 0.3 %, and the tail of larger ones."""
+    loud = 3.0 * np.random.default_rng(4).standard_normal(2 * OMEGA.size)
+    assert 0.005 < size(loud, 3.0) < 0.03
