@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, UsageError, nearest_name
@@ -27,7 +28,7 @@ from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
 from rotorid.models.autopilots.betaflight_sliders import D_IS_BASE_SINCE
 from rotorid.models.autopilots.gains import ahead_of, letter_of, parameters_of
-from rotorid.models.autopilots.outer import OUTER_LOOPS, as_logged, outer_names, outer_settings
+from rotorid.models.autopilots.outer import OUTER_LOOPS, as_logged, outer_letter, outer_names, outer_settings
 from rotorid.models.autopilots.settings import (
     AxisController,
     Parameter,
@@ -232,6 +233,7 @@ def judge_gains(
     gain_range: tuple[float, float] = (1.0, 1.0),
     outer: OuterOf | None = None,
     asked: Sequence[LoopName] = (),
+    logged: Mapping[str, float] | None = None,
 ) -> JudgedGains:
     """The verdict on the gains of a file.
 
@@ -249,6 +251,8 @@ def judge_gains(
         What gives an outer loop around the loops with the gains of the file; without it none is judged.
     asked
         Outer loops that are judged although the file leaves their gains as they flew.
+    logged
+        Parameters of the log, where no axis is known that has them.
 
     Raises
     ------
@@ -263,11 +267,12 @@ def judge_gains(
         gains, how = gains.on(first.record.parameters, version_of(first.controller.firmware))
         findings += [remark("gains_read", gains.name, how)] if how else []
     values = _values(gains, (*known, *refused), flown)
-    logged = next((one.record.parameters for one in flown.values()), {})
+    logged = next((one.record.parameters for one in flown.values()), logged or {})
     values = as_logged(values, logged)
     wanted = _axes_of(gains, values)
-    if not gains.preset and (gains.defaults_first or len(gains.values) > _WHOLE_FILE):
-        _require_whole(gains, flown)
+    whole = not gains.preset and (gains.defaults_first or len(gains.values) > _WHOLE_FILE)
+    if whole:
+        _require_whole(gains, values, flown)
     for axis, one in known.items():
         left_out = _require_same_vehicle(gains, values, one.flown)
         left_out += _ahead_of_loops(gains, values, one.flown.record)
@@ -286,14 +291,17 @@ def judge_gains(
         except InsufficientDataError as error:
             unknown[loop] = str(error)
         else:
-            findings += _require_ranges(
-                one.flown.controller, one.flown.with_parameters(with_values(one.flown.record, values))
-            )
+            left_out = _require_same_vehicle(gains, values, one.flown)
+            findings += [finding for finding in left_out if finding not in findings]
+            if whole:
+                _require_whole(gains, values, {loop: one.flown})
+            findings += _require_ranges(one.flown.controller, _merged(one.flown.record, values, one.flown))
             axes[loop] = judge_axis(loop, one, values)
     if not axes and not unknown:
+        judgeable = [*known, *refused, *asked]
         raise UsageError(
-            f"{gains.name} contains no gains of {' or '.join((*known, *refused))}",
-            needed=f"gains of an axis to judge; these are of {' and '.join((*wanted, *around))}",
+            f"{gains.name} contains no gains of {' or '.join(judgeable) or 'an axis that was measured'}",
+            needed=f"gains of an axis to judge; these are of {listed([*wanted, *around]) or 'no loop'}",
         )
     return JudgedGains(source=gains.name, axes=axes, unknown=unknown, findings=tuple(findings))
 
@@ -441,17 +449,19 @@ def _require_same_firmware(gains: GainFile, flown: FlownLoop) -> None:
         )
 
 
-def _require_whole(gains: GainFile, flown: Mapping[Axis, FlownLoop]) -> None:
+def _require_whole(
+    gains: GainFile, values: Mapping[str, float], flown: Mapping[Axis, FlownLoop] | Mapping[LoopName, FlownLoop]
+) -> None:
     """Refuse a file of all parameters in which a gain is missing, and a ``diff`` that leaves it at a default."""
     missing = []
     for one in flown.values():
         names = [name for name in one.controller.gains if letter_of(name)]
-        missing += [name for name in names if next(iter(as_in_header({name: 0.0})), name) not in gains.values]
+        missing += [name for name in names if next(iter(as_in_header({name: 0.0})), name) not in values]
     if missing:
         why = "a diff leaves defaults out" if gains.defaults_first else "the file may be cut off"
         raise UsageError(
             f"{gains.name} does not contain {', '.join(dict.fromkeys(missing))}",
-            needed="all gains of roll, pitch and yaw",
+            needed=f"all gains of {listed([*flown])}",
             remedy=f"{why}: give a {'dump' if gains.defaults_first else 'complete file'}",
         )
 
@@ -573,7 +583,8 @@ def _lowered(parameter: Parameter, gain: float) -> float:
 
 
 def _require_not_negative(gains: GainFile, record: FlightRecord, values: Mapping[str, float]) -> None:
-    for name, value in loop_settings(values).items():
+    gains_of_loops = {**loop_settings(values), **{name: values[name] for name in values if outer_letter(name)}}
+    for name, value in gains_of_loops.items():
         if value < 0.0 and value != record.parameters.get(name):
             raise UsageError(f"{gains.written.get(name, name)} = {value:g} is out of range", needed="0 or more")
 

@@ -304,7 +304,7 @@ def tune(
     curve = None
     if chosen.filter_choice != "keep" and known:
         curve, known, chosen = _with_curve(known, chosen, thrust, findings)
-    cascade = _Cascade(given, logs, chosen, dict(known), dict(refused))
+    cascade = _Cascade(given, logs, chosen, dict(known))
     verdict = None
     if foreign is not None and (known or chosen.outer):
         verdict = judge_gains(
@@ -314,6 +314,7 @@ def tune(
             gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
             outer=cascade.with_parameters,
             asked=chosen.outer,
+            logged=settings_from[0].parameters if settings_from else {},
         )
         findings += verdict.findings
     axes: dict[LoopName, AxisTuning] = {}
@@ -410,10 +411,10 @@ class _Cascade:
         logs: Sequence[FlightRecord],
         settings: TuneSettings,
         known: Mapping[Axis, KnownAxis],
-        refused: Mapping[Axis, InsufficientDataError],
     ) -> None:
         self.findings: list[Finding] = []
-        self._lacking = "; ".join(error.came for error in refused.values())
+        # Why an axis that was asked for is not known is said of it already.
+        self._lacking = ""
         self._asked, self._given, self._logs, self._settings = known, tuple(given), tuple(logs), settings
 
     @cached_property

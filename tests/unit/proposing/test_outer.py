@@ -247,6 +247,31 @@ def test_a_file_of_outer_gains_is_judged(line: str, verdict: str) -> None:
     assert found.verdict == verdict
 
 
+@pytest.mark.usefixtures("drag")
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("MPC_XY_VEL_P_AC,30", "no parameter MPC_XY_VEL_P_AC"),
+        ("MPC_XY_P,-1", "MPC_XY_P = -1 is out of range"),
+    ],
+)
+@pytest.mark.parametrize("with_inner", [True, False])
+def test_what_is_no_gain_of_an_outer_loop_is_refused_with_and_without_inner_loops(
+    line: str, words: str, with_inner: bool
+) -> None:
+    inner = roll()
+    outer = known_outer("velocity", material(inner), material(inner))[0]
+    with pytest.raises(UsageError, match=words):
+        judge_gains(
+            read_gains(line, name="x.params"),
+            {"roll": inner} if with_inner else {},
+            {},
+            outer=lambda _loop, _values: outer,
+            asked=("velocity",),
+            logged=outer.flown.record.parameters,
+        )
+
+
 def test_gains_that_are_not_logged_are_named() -> None:
     with pytest.raises(InsufficientDataError, match=r"a\.ulg contains no gains of velocity"):
         flown_outer("velocity", (record(INNER),))
