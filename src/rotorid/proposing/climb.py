@@ -21,6 +21,7 @@ import numpy as np
 
 from rotorid.autopilots.filters import combined_response
 from rotorid.data.base import cached_by_value
+from rotorid.data.display import listed
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import REFUSED_PEAK
@@ -52,7 +53,7 @@ _FLOWN = (0.05, 0.95)
 _UNLOGGED = 0.1
 """Half width of the hover thrust, over itself, where PX4 estimates it and does not log it."""
 
-_REMEDY = "fly a sweep of the thrust, as rotorid design sweep --axes thrust plans it, and give that log too"
+_REMEDY = "fly a sweep of the thrust that logs throttle and accelerometer, and give that log too"
 
 
 class HoverThrust(NamedTuple):
@@ -84,7 +85,9 @@ def velocity_by_throttle(
     """
     why = ""
     for record in logs:
-        if not {_COMMAND, _FORCE} <= set(record.channel_names):
+        missing = [name for name in (_COMMAND, _FORCE) if name not in record.channel_names]
+        if missing:
+            why = why or f"{record.source.name} lacks {listed(missing)}"
             continue
         try:
             return drawn_plant(_measured(record), draws=draws, seed=seed)

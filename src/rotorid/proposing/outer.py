@@ -213,7 +213,7 @@ def drag_of(given: Sequence[IdentifiedModel], logs: Sequence[FlightRecord]) -> D
     raise InsufficientDataError(
         f"the drag is not known{f' ({why})' if why else ''}, and the velocity loop depends on it",
         needed="a flight that shows it, or a result of hover.lateral",
-        remedy="fly 60 s back and forth at 2 to 5 m/s in calm air and give that log too",
+        remedy="log accelerometer and velocity, fly 60 s back and forth at 2 to 5 m/s in calm air, give that log too",
     )
 
 
@@ -254,6 +254,7 @@ def velocity_plants(material: OuterMaterial) -> dict[str, UncertainPlant]:
     if not inner:
         raise InsufficientDataError(
             f"no attitude loop of roll or pitch is known{f' ({material.lacking})' if material.lacking else ''}",
+            needed="a flight that shows one",
             remedy="fly the sweep that roll needs first",
         )
     drag = drag_of(material.given, material.logs)
