@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rotorid.data.display import capital, listed
 from rotorid.data.quantities import QUANTITIES
-from rotorid.data.quantity import MISSING, significant, with_unit
+from rotorid.data.quantity import MISSING, minus, significant, with_unit
 from rotorid.data.trust import COMMAND_NOISE, REFUSED_PEAK, ROBUSTNESS, SAFE_PEAK
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.review import QuantityDocument
@@ -70,8 +70,11 @@ def headline(document: TuneDocument) -> tuple[str, ...]:
     if not document.axes:
         return ()
     changed = {axis: tuning for axis, tuning in document.axes.items() if tuning.changed}
+    weak = [axis for axis, tuning in document.axes.items() if axis not in changed and _of_today(tuning)]
+    kept = [axis for axis in document.axes if axis not in changed and axis not in weak]
+    missing = (f"No new gains for {listed(weak)}, although today's have too little margin.",) if weak else ()
     if not changed:
-        return (f"Keep today's gains of {listed(list(document.axes))}.",)
+        return (*missing, f"Keep today's gains of {listed(kept)}.") if kept else missing
     safer = [axis for axis, tuning in changed.items() if tuning.attitude_ratio.value > 1.0 and _of_today(tuning)]
     others = [axis for axis in changed if axis not in safer]
     found = []
@@ -80,7 +83,7 @@ def headline(document: TuneDocument) -> tuple[str, ...]:
     if safer:
         why = "today's have too little margin"
         found.append(f"Safer gains for {listed(safer)}: {why}. The price: {_disturbance(document, safer)}.")
-    return (*found, _watch(changed))
+    return (*found, *missing, _watch(changed))
 
 
 def _of_today(tuning: AxisTuneDocument) -> bool:
@@ -92,13 +95,14 @@ def _disturbance(document: TuneDocument, axes: Sequence[LoopName]) -> str:
     """What a disturbance does to the vehicle compared with today; axes that change alike share a clause."""
     alike: dict[tuple[str, str], list[LoopName]] = {}
     for axis in axes:
-        motion = motion_of(axis)
-        alike.setdefault((motion, _less(document.axes[axis].attitude_ratio)), []).append(axis)
-    clauses = [
-        f"{motion} the vehicle {less} today{f' in {listed(same)}' if len(alike) > 1 else ''}"
-        for (motion, less), same in alike.items()
-    ]
-    return f"a disturbance {listed(clauses)}"
+        words = _less(document.axes[axis].attitude_ratio)
+        alike.setdefault((motion_of(axis), words), []).append(axis)
+    clauses, before = [], ""
+    for (motion, words), same in alike.items():
+        verb = "" if motion == before else f"{motion} the vehicle "
+        clauses.append(f"{verb}{words}{f' in {listed(same)}' if len(alike) > 1 else ''}")
+        before = motion
+    return f"a disturbance {listed(clauses)} than today"
 
 
 def _watch(changed: Mapping[LoopName, AxisTuneDocument]) -> str:
@@ -151,7 +155,7 @@ def verdict_sentence(axis: LoopName, found: AxisJudgedDocument) -> str:
     words = [f"{capital(axis)}: {_VERDICT_WORDS[found.verdict]}{_because(axis, found)}."]
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
     if found.verdict in ("fly", "gently") and found.attitude_ratio is not None:
-        words.append(f"A disturbance {motion_of(axis)} the vehicle {_less(found.attitude_ratio)} today.")
+        words.append(f"A disturbance {motion_of(axis)} the vehicle {_than_today(found.attitude_ratio)}.")
     if found.lower:
         words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
     return " ".join(words)
@@ -165,12 +169,15 @@ def _because(axis: LoopName, found: AxisJudgedDocument) -> str:
     whole = plant.loop == "whole"
     at = f"{plant.omega_rad_s / (2.0 * math.pi):.1f} Hz{f' {plant.situation}' if plant.situation else ''}"
     if found.noisy:
+        times = f"{found.noise_ratio or 1.0:.1f} times"
+        if is_outer(axis):
+            return f": they pass {times} as much noise of the {axis} estimate as today's"
         share = "" if found.noise is None else f" ({100.0 * found.noise:.0f} % of their range)"
-        return f": noise in the motor commands is {found.noise_ratio or 1.0:.1f} times today's{share}"
+        return f": noise in the motor commands is {times} today's{share}"
     if found.verdict == "not_enough_data":
         if found.known_to_rad_s:
-            end = found.known_to_rad_s / (2.0 * math.pi)
-            return f": they depend on the vehicle at {at}, which was not measured well; sweep up to {end:.0f} Hz"
+            end = math.ceil(max(found.known_to_rad_s, plant.omega_rad_s) / (2.0 * math.pi))
+            return f": they depend on the vehicle at {at}, which was not measured well; sweep up to {end} Hz"
         return ""
     deviation = f"gain {_signed(100.0 * (plant.gain - 1.0))} %, phase {_signed(plant.phase_deg)}°"
     if plant.sensitivity_peak is None:
@@ -189,7 +196,7 @@ def _because(axis: LoopName, found: AxisJudgedDocument) -> str:
 
 def _signed(value: float) -> str:
     """A whole number with its sign; zero without one."""
-    return f"{round(value):+d}".replace("+0", "0")
+    return minus(f"{round(value):+d}".replace("+0", "0"))
 
 
 def _share(share: float) -> str:
@@ -207,7 +214,8 @@ def axis_sentences(document: TuneDocument) -> tuple[tuple[str, str], ...]:
 def _gains_words(axis: LoopName, tuning: AxisTuneDocument) -> str:
     """New gains of an axis and what becomes of the noise; or that today's gains stay, and why."""
     if not tuning.changed:
-        return ": ".join(filter(None, ("keep today's gains", "; ".join(tuning.reasons))))
+        kept = "no new gains" if _of_today(tuning) else "keep today's gains"
+        return ": ".join(filter(None, (kept, "; ".join(tuning.reasons))))
     return f"{changed_gains(tuning)}{'' if is_outer(axis) else _noise(tuning.noise_ratio)}"
 
 
@@ -232,13 +240,19 @@ def _angle(name: str) -> str:
 
 
 def _less(ratio: QuantityDocument) -> str:
-    """A deviation over that of today, for people."""
+    """A deviation over that of today, for people, before "than today"."""
     if ratio.value <= 1.0 / _WORTH_A_FACTOR:
-        return f"{1.0 / ratio.value:.2g} times less than"
+        return f"{1.0 / ratio.value:.2g} times less"
     if ratio.value >= _WORTH_A_FACTOR:
-        return f"{ratio.value:.2g} times more than"
+        return f"{ratio.value:.2g} times more"
     change = 100.0 * (ratio.value - 1.0)
-    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'} than"
+    return f"{abs(change):.0f} % {'less' if change < 0.0 else 'more'}"
+
+
+def _than_today(ratio: QuantityDocument) -> str:
+    """A deviation compared with that of today, for people."""
+    same = round(100.0 * (ratio.value - 1.0)) == 0
+    return "as much as today" if same else f"{_less(ratio)} than today"
 
 
 def _noise(ratio: float) -> str:
@@ -342,10 +356,11 @@ def stricter_sentence(document: TuneDocument) -> str:
 def limit_sentences(document: TuneDocument) -> tuple[str, ...]:
     """The limits of the new gains."""
     least = math.degrees(Wishes().phase_margin_rad)
+    words = f"The phase margin of the rate loop stays above {least:.0f}°; with the angle loop only M_s is limited."
     return (
         f"Limit of the new gains: {document.robustness}.",
         f"{capital(LIMIT_IS_KEPT)}.",
-        f"The phase margin of the rate loop stays above {least:.0f}°; with the angle loop only M_s is limited.",
+        KINDS[next(iter(document.axes), "roll")].worded(words),
     )
 
 
@@ -399,8 +414,10 @@ def following(document: TuneDocument) -> str:
     change = f"{motion_of(axis)} the vehicle {_fewer(shares[axis])} less ({axis})"
     name = "sensitivity_peak"
     if name in first.whole and name in goal.whole:
-        peaks = [significant(step.whole[name].value, digits=3) for step in (goal, first)]
-        change += f", with an M_s of {peaks[0]} instead of {peaks[1]}" if peaks[0] != peaks[1] else ""
+        before, after = first.whole[name], goal.whole[name]
+        if not (before.lower or 0.0) <= after.value <= (before.upper or math.inf):
+            peaks = [significant(peak.value, digits=3) for peak in (after, before)]
+            change += f", with an M_s of {peaks[0]} instead of {peaks[1]}"
     lead = (
         "These gains are nearly the best, so a further tune is optional: after"
         if shares[axis] >= _LITTLE_LEFT

@@ -483,7 +483,9 @@ def _searched(
         over = float(np.median(parts.attitude_rms(drawn, drawn * parts.whole(gains))))
         found.append((over, gains))
     if not found:
-        reasons.append("no gains hold the limits on all likely plants: the plant is not known well enough")
+        reasons.append(
+            "no gains keep the limits on all likely vehicles: this flight does not show the vehicle well enough"
+        )
         return None
     return _inside(parts, plants, _simplest(found, flown.gains), flown, wishes, reasons, ends)
 

@@ -10,6 +10,7 @@ import pytest
 from rotorid.data.trust import ROBUSTNESS
 from rotorid.report.tune_words import (
     _less,
+    _than_today,
     axis_sentences,
     following,
     headline,
@@ -35,10 +36,12 @@ def test_a_small_gain_is_given_in_percent_and_never_as_one_time(goal: float, wor
 
 @pytest.mark.parametrize(
     ("ratio", "words"),
-    [(0.25, "4 times less than"), (0.9, "10 % less than"), (1.2, "20 % more than"), (5.3, "5.3 times more than")],
+    [(0.25, "4 times less"), (0.9, "10 % less"), (1.2, "20 % more"), (5.3, "5.3 times more")],
 )
 def test_a_disturbance_that_tilts_much_more_is_a_factor(ratio: float, words: str) -> None:
     assert _less(SimpleNamespace(value=ratio)) == words  # type: ignore[arg-type]
+    assert _than_today(SimpleNamespace(value=ratio)) == f"{words} than today"  # type: ignore[arg-type]
+    assert _than_today(SimpleNamespace(value=1.002)) == "as much as today"  # type: ignore[arg-type]
 
 
 def quantity(value: float) -> SimpleNamespace:
@@ -150,7 +153,9 @@ def test_the_headline_says_what_gets_better_and_what_to_watch() -> None:
         "In the first flight, watch for roll shaking at about 6.4 Hz; if in doubt, land and load the old gains.",
     )
     better, watch = headline(of(roll=new(0.25), yaw=new(0.9, noise=1.8, phase_deg=35.0, peak=1.69)))
-    assert "tilts the vehicle 4 times less than today in roll and turns the vehicle 10 % less than today in y" in better
+    assert "tilts the vehicle 4 times less in roll and turns the vehicle 10 % less in yaw than today." in better
+    better, _ = headline(of(roll=new(0.25), pitch=new(0.2)))
+    assert better.endswith("a disturbance tilts the vehicle 4 times less in roll and 5 times less in pitch than today.")
     assert "watch for yaw shaking at about 6.4 Hz, overshoot in yaw and hot motors" in watch
 
 
@@ -176,6 +181,12 @@ def test_the_headline_of_safer_gains_names_their_price() -> None:
 
 def test_the_headline_without_new_gains() -> None:
     assert headline(of(roll=kept(), yaw=kept())) == ("Keep today's gains of roll and yaw.",)
+    weak = of(roll=kept("today M_s of the rate loop exceeds 2: lower P and D by hand and fly again"), yaw=kept())
+    assert headline(weak) == (
+        "No new gains for roll, although today's have too little margin.",
+        "Keep today's gains of yaw.",
+    )
+    assert axis_sentences(weak)[0][0].startswith("Roll: no new gains: today M_s of the rate loop exceeds 2: lower P")
     assert headline(of()) == ()
 
 
