@@ -31,7 +31,7 @@ def choice_rows(curve: FilterCurveDocument) -> tuple[ChoiceRow, ...]:
     return tuple(
         ChoiceRow(
             number=point.point,
-            filters=_filters(point),
+            filters=_filters(point, curve),
             noise=_noise(point),
             attitude=f"{100.0 * point.attitude_ratio:.0f} %",
             peak=_peak(point),
@@ -56,13 +56,13 @@ def choice_lines(curve: FilterCurveDocument | None) -> list[str]:
 def choice_sentence(curve: FilterCurveDocument) -> str:
     """What to do with the curve."""
     if curve.picked is not None and curve.picked > 0:
-        return f"Filters and gains of choice {curve.picked} are proposed; all numbers are per cent of today."
+        return f"Filters and gains of choice {curve.picked} are proposed; all numbers are in % of today's."
     if not curve.recommended:
         return (
             "Keep your filters: no others make less noise with as small an attitude error. For less noise, "
-            "fly another choice (--filters NUMBER). Per cent of today:"
+            "fly another choice (--filters NUMBER). In % of today's:"
         )
-    return f"Better filters for these gains: --filters {curve.recommended}, or another number. Per cent of today:"
+    return f"Better filters for these gains: --filters {curve.recommended}, or another number. In % of today's:"
 
 
 def choice_picture(curve: FilterCurveDocument) -> Picture:
@@ -82,15 +82,18 @@ def choice_picture(curve: FilterCurveDocument) -> Picture:
     )
 
 
-def _filters(point: FilterPointDocument) -> str:
+def _filters(point: FilterPointDocument, curve: FilterCurveDocument) -> str:
+    """Filters of a point, and the limit of its gains where another one has the same filters."""
+    twice = sum(other.filters == point.filters for other in curve.points) > 1
+    gains = f", gains with at most {100.0 * point.noise_limit:.0f} % noise" if twice else ""
     if not point.filters:
-        return "Filters as flown"
+        return f"Filters as flown{gains}"
     shown = [
         f"{name} {value.proposed:g}"
         for name, value in point.filters.items()
         if not name.startswith(_SHORT) or name.endswith("_FREQ")
     ]
-    return capital(listed(shown))
+    return f"{capital(listed(shown))}{gains}"
 
 
 def _noise(point: FilterPointDocument) -> str:

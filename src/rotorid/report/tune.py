@@ -13,7 +13,7 @@ from rotorid.autopilots import named
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity, with_ends
-from rotorid.data.trust import ROBUSTNESS
+from rotorid.data.trust import ROBUSTNESS, SAFE_PEAK
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
@@ -380,7 +380,8 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
         "units": {name: {"name": known_axis.name, "per_si": known_axis.per_si} for name, known_axis in known.items()},
         "derivative_cutoff_hz": first_order,
         "derivative_step_s": controller.derivative_step_s or controller.step_s,
-        "limit": 1.03 * limit,
+        # Some of the likely plants may exceed what was asked for; red is what is not fine in the table.
+        "limit": max(1.03 * limit, SAFE_PEAK),
     }
 
 
