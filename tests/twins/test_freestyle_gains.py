@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.freestyle_fleet import MOST_PEAK, Row, one
+from benchmarks.freestyle_fleet import Row, one
+from benchmarks.tuning_fleet import MOST_PEAK
 from tests.twins.oscillating_flights import Case, record_of, with_sticks
 
 import rotorid

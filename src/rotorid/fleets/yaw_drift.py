@@ -3,7 +3,7 @@ r"""Yaw drift and yaw trim of many flights over the voltage of the battery: two 
 Within flights: the slopes of single flights (:mod:`rotorid.reviewing.yaw_drift`), as a population. Between flights: the
 means of flights that began with another charge, by random effects,
 
-.. math:: y_{ij} = \\beta_0 + b_i + \\beta_1 (V_{ij} - \\bar V_i) + w_{ij} + e_{ij}
+.. math:: y_{ij} = \beta_0 + b_i + \beta_1 (V_{ij} - \bar V_i) + w_{ij} + e_{ij}
 
 with the voltage about the mean of its vehicle, so that vehicles with other batteries say nothing. Both are of other
 data. Within a flight whatever else changes with time is in the slope; between flights it is not. Where the two differ,

@@ -298,7 +298,6 @@ def propose_filters(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis,
             proposed, verdicts = tried, then
             break
         refused = refused or f"margins of {worse[0]} would become too small"
-    # Betaflight's dynamic low-passes have two names for one filter.
     return FilterProposal(
         need=need,
         flown=flown,
