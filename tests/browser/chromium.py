@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -57,24 +59,36 @@ def dump(chromium: str, html: str, folder: Path) -> tuple[str, list[str]]:
     return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
-def asked(chromium: str, html: str, folder: Path, script: str, *, ready: str = DRAWN) -> tuple[Any, list[str]]:
+@contextmanager
+def started(chromium: str) -> Iterator[Any]:
+    """A browser that reaches nothing but files, for :func:`asked` and :func:`elements`; starting it takes a second."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=chromium, args=list(ALONE))
+        yield opened
+        opened.close()
+
+
+def elements(alone: Any, html: str, folder: Path, *, ready: str = DRAWN) -> tuple[str, list[str]]:
+    """The elements of a page that is ``ready``, and all that it wrote to the console."""
+    return asked(alone, html, folder, "document.documentElement.outerHTML", ready=ready)
+
+
+def asked(alone: Any, html: str, folder: Path, script: str, *, ready: str = DRAWN) -> tuple[Any, list[str]]:
     """What a script answers on a page that is ``ready``, and all that the page wrote to the console.
 
-    However slow the machine is, the script waits for the page; the page's own policy holds, and the script, which comes
-    from outside, needs no exception from it.
+    The page has a session of its own in a browser that is started. However slow the machine is, the script waits for
+    the page; the page's own policy holds, and the script, which comes from outside, needs no exception from it.
     """
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     file = folder / "page.html"
     file.write_text(html, encoding="utf-8")
     told: list[str] = []
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=chromium, args=list(ALONE))
-        page = opened.new_page()
+    with alone.new_context() as context:
+        page = context.new_page()
         page.set_default_timeout(LONGEST_MS)
         page.on("console", lambda message: told.append(message.text))
         page.on("pageerror", lambda error: told.append(str(error)))
         page.goto(file.as_uri())
         page.wait_for_function(ready)
         answer = page.evaluate(script)
-        opened.close()
     return answer, told

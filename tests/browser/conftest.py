@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.browser.chromium import browser
+from tests.browser.chromium import browser, started
 from tests.browser.lab_page import TOKEN, LabPage, example_log, opened, serving
 from tests.browser.lab_page import chromium as started_chromium
 
@@ -18,14 +18,21 @@ def chromium() -> str:
 
 
 @pytest.fixture(scope="module")
+def alone(chromium: str) -> Iterator[Any]:
+    """A browser that reaches nothing but files."""
+    with started(chromium) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return example_log(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
 def shared_browser() -> Iterator[Any]:
-    with started_chromium() as started:
-        yield started
+    with started_chromium() as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from tests.browser.chromium import asked, browser, dump
+from tests.browser.chromium import asked, elements
 from tests.fleet_logs import table_of
 
 from rotorid.documents.fleet import fleet_document
@@ -13,6 +14,7 @@ from rotorid.fleets import Row, analyze
 from rotorid.fleets.table import Counts
 from rotorid.report.fleet import render_fleet
 
+READY = 'document.documentElement.dataset.fleet === "ready"'
 PROBE = """
 () => {
   const lines = () => Array.from(document.querySelectorAll("#fleet-table tbody tr"))
@@ -43,13 +45,13 @@ def page_of(rows: list[Row]) -> str:
     return render_fleet(analysis, fleet_document(analysis, failed=(), counts=counts, settings={}))
 
 
-def test_ten_thousand_logs_stay_smooth(tmp_path: Path) -> None:
+def test_ten_thousand_logs_stay_smooth(alone: Any, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     values = 100.0 + rng.normal(0, 3.0, (100, 1)) + rng.normal(0, 1.0, (100, 100))
     values[7, 60:] *= 0.9
     html = page_of(table_of(values))
     assert len(html) < 8e6
-    told, said = asked(browser(), html, tmp_path, PROBE, ready='document.documentElement.dataset.fleet === "ready"')
+    told, said = asked(alone, html, tmp_path, PROBE, ready=READY)
     assert not said
     assert told["all"] == "10000 of 10000 lines"
     assert told["lines"] < 100
@@ -58,11 +60,11 @@ def test_ten_thousand_logs_stay_smooth(tmp_path: Path) -> None:
     assert (told["chosen"], told["points"]) == ("v07 (changed or unlike others)", 100)
 
 
-def test_names_of_logs_can_do_nothing(tmp_path: Path) -> None:
+def test_names_of_logs_can_do_nothing(alone: Any, tmp_path: Path) -> None:
     evil = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>"
     rows = table_of([[1.0, 2.0, 3.0, 4.0, 5.0]], findings=evil)
     rows = [row.__class__(**{**row.__dict__, "log": f"{evil}{k}.ulg", "vehicle": evil}) for k, row in enumerate(rows)]
-    page, said = dump(browser(), page_of(rows), tmp_path)
+    page, said = elements(alone, page_of(rows), tmp_path, ready=READY)
     assert not said
     assert "<title>owned" not in page
     assert "<img src" not in page

@@ -5,10 +5,11 @@ from __future__ import annotations
 import html
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.chromium import SETTLED, asked, dump
+from tests.browser.chromium import SETTLED, asked, elements
 from tests.unit.cli.commands import rotorid
 
 from rotorid.data.record import Channel, FlightRecord, Source, Topic
@@ -39,22 +40,22 @@ def sweep() -> tuple[np.ndarray, dict[str, np.ndarray]]:
     return time_s, columns
 
 
-def test_the_page_that_the_command_writes_draws_everything(chromium: str, tmp_path: Path) -> None:
+def test_the_page_that_the_command_writes_draws_everything(alone: Any, tmp_path: Path) -> None:
     write_csv(tmp_path / "flight.csv", *sweep())
     assert rotorid("inspect", tmp_path / "flight.csv", "--plot", tmp_path / "flight.html").code == 0
     page = (tmp_path / "flight.html").read_text(encoding="utf-8")
 
-    elements, console = asked(chromium, page, tmp_path, OPENED)
+    seen, console = asked(alone, page, tmp_path, OPENED)
 
     assert console == []
-    assert 'data-pictures="drawn"' in elements
-    body = elements[elements.index("<body") :]
+    assert 'data-pictures="drawn"' in seen
+    body = seen[seen.index("<body") :]
     pictures = len(re.findall(r"data-picture=", page))
     assert pictures > 0
     assert body.count('class="cartesianlayer"') == pictures
     # The curves themselves, and not their axes alone: paths with points.
     assert len(re.findall(r'class="js-line"[^>]* d="M', body)) >= pictures
-    assert re.findall(r' src="(?:\w+:)?//', elements) == []
+    assert re.findall(r' src="(?:\w+:)?//', seen) == []
 
 
 def test_the_page_shows_the_commands_that_the_terminal_prints() -> None:
@@ -73,7 +74,7 @@ def test_the_page_shows_the_commands_that_the_terminal_prints() -> None:
         assert f"<pre><code>{command}</code></pre>" in page
 
 
-def test_names_of_a_hostile_log_stay_text(chromium: str, tmp_path: Path) -> None:
+def test_names_of_a_hostile_log_stay_text(alone: Any, tmp_path: Path) -> None:
     time_s, columns = sweep()
     record = FlightRecord(
         source=Source(name=f"{HOSTILE}.csv", format="CSV", sha256="ab"),
@@ -88,17 +89,17 @@ def test_names_of_a_hostile_log_stay_text(chromium: str, tmp_path: Path) -> None
         ),
     )
 
-    elements, console = dump(chromium, render_inspection(record, inspect(record)), tmp_path)
+    seen, console = elements(alone, render_inspection(record, inspect(record)), tmp_path)
 
     assert console == []
-    assert 'data-pictures="drawn"' in elements
-    assert "<title>run</title>" not in elements
+    assert 'data-pictures="drawn"' in seen
+    assert "<title>run</title>" not in seen
 
 
 @pytest.mark.parametrize(
     "injected", ["<script>document.title = 'run'</script>", "<img src='http://example.com/x.png'>"]
 )
-def test_what_is_injected_is_refused(chromium: str, tmp_path: Path, injected: str) -> None:
+def test_what_is_injected_is_refused(alone: Any, tmp_path: Path, injected: str) -> None:
     """The policy of the page holds even if escaping failed somewhere: no script of others, nothing from a network."""
     time_s, columns = sweep()
     channels = (Channel(name="p", unit="rad/s"),)
@@ -108,7 +109,7 @@ def test_what_is_injected_is_refused(chromium: str, tmp_path: Path, injected: st
     changed = page.replace('<main id="main" tabindex="-1">', f"<main>{injected}", 1)
     assert changed != page
 
-    elements, console = dump(chromium, changed, tmp_path)
+    seen, console = elements(alone, changed, tmp_path)
 
-    assert "<title>run</title>" not in elements
+    assert "<title>run</title>" not in seen
     assert any("Content Security Policy" in line for line in console)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.chromium import SETTLED, asked, dump
+from tests.browser.chromium import SETTLED, asked, elements
 from tests.unit.report.response_sample import responses
 from tests.unit.report.sample import HOSTILE
 
@@ -44,13 +44,13 @@ Probed = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
-def probed(chromium: str, tmp_path_factory: pytest.TempPathFactory) -> Probed:
+def probed(alone: Any, tmp_path_factory: pytest.TempPathFactory) -> Probed:
     """What the page shows after buttons were pressed, each choice of them once."""
 
     @cache
     def probe(*buttons: str) -> dict[str, Any]:
         folder, script = tmp_path_factory.mktemp("responses"), PROBE % json.dumps(buttons)
-        answer, console = asked(chromium, render_responses(responses(), title="t"), folder, script)
+        answer, console = asked(alone, render_responses(responses(), title="t"), folder, script)
         assert console == []
         return dict(answer)
 
@@ -94,9 +94,9 @@ def test_pictures_in_closed_details_are_drawn_in_full_width_when_they_open(probe
     assert all(picture["fits"] for picture in shown["pictures"].values())
 
 
-def test_a_hostile_log_draws_and_does_nothing_else(chromium: str, tmp_path: Path) -> None:
+def test_a_hostile_log_draws_and_does_nothing_else(alone: Any, tmp_path: Path) -> None:
     title = "<img src=x onerror=document.title='run'>"
-    elements, console = dump(chromium, render_responses(responses(record=HOSTILE), title=title), tmp_path)
+    seen, console = elements(alone, render_responses(responses(record=HOSTILE), title=title), tmp_path)
     assert console == []
-    assert 'data-pictures="drawn"' in elements
-    assert "<title>run</title>" not in elements
+    assert 'data-pictures="drawn"' in seen
+    assert "<title>run</title>" not in seen

@@ -101,10 +101,10 @@ def number(text: str) -> float:
 
 
 @pytest.fixture(scope="module")
-def moved(chromium: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[AxisTuning, dict[str, Any]]:
+def moved(alone: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[AxisTuning, dict[str, Any]]:
     """An axis, and what its page shows while sliders are moved."""
     proposal, folder = proposed(), tmp_path_factory.mktemp("sliders")
-    seen, said = asked(chromium, render_tune(proposal, title="t"), folder, PROBE, ready=READY)
+    seen, said = asked(alone, render_tune(proposal, title="t"), folder, PROBE, ready=READY)
     assert said == []
     return proposal.axes["roll"], seen
 

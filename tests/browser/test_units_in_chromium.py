@@ -38,10 +38,10 @@ PROBE = (
 )
 
 
-def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[str, Any]:
+def probed(alone: Any, folder: Path, identified: Shown, action: str) -> dict[str, Any]:
     """What the page holds after an action."""
     answer: dict[str, Any]
-    answer, console = asked(chromium, render_sections([identified], title="t"), folder, PROBE % action)
+    answer, console = asked(alone, render_sections([identified], title="t"), folder, PROBE % action)
     assert console == []
     return answer
 
@@ -60,9 +60,9 @@ def probed(chromium: str, folder: Path, identified: Shown, action: str) -> dict[
         ),
     ],
 )
-def test_the_page_shows_what_python_would_draw(chromium: str, tmp_path: Path, action: str, units: str) -> None:
+def test_the_page_shows_what_python_would_draw(alone: Any, tmp_path: Path, action: str, units: str) -> None:
     identified = identification()
-    shown = probed(chromium, tmp_path, identified, action)
+    shown = probed(alone, tmp_path, identified, action)
 
     expected = section(identified, anchor="s1", truth={}).responses[0].views[units]
 
@@ -78,21 +78,21 @@ def test_the_page_shows_what_python_would_draw(chromium: str, tmp_path: Path, ac
             np.testing.assert_allclose(*(np.array(of.get(key, []), dtype=float) for of in (drawn, meant)), rtol=7e-4)
 
 
-def test_other_pictures_stay_and_hidden_curves_stay_hidden(chromium: str, tmp_path: Path) -> None:
+def test_other_pictures_stay_and_hidden_curves_stay_hidden(alone: Any, tmp_path: Path) -> None:
     hide = """
       const entry = place.querySelector(".legendtoggle");
       for (const kind of ["mousedown", "mouseup"]) entry.dispatchEvent(new MouseEvent(kind, { bubbles: true }));
       await new Promise((done) => setTimeout(done, 800));  // A click is one when no second follows.
     """
-    shown = probed(chromium, tmp_path, identification(), f"{hide} find('Hz').click();")
+    shown = probed(alone, tmp_path, identification(), f"{hide} find('Hz').click();")
     assert shown["same"]
     assert shown["title"] == "Frequency [Hz]"
     hidden = {trace["name"] for trace in shown["data"] if trace.get("visible") == "legendonly"}
     assert hidden == {"± 2 σ random error"}
 
 
-def test_the_switches_are_seen_and_reached_by_keyboard(chromium: str, tmp_path: Path) -> None:
-    shown = probed(chromium, tmp_path, identification(), "find('Hz').focus(); document.activeElement.click();")
+def test_the_switches_are_seen_and_reached_by_keyboard(alone: Any, tmp_path: Path) -> None:
+    shown = probed(alone, tmp_path, identification(), "find('Hz').focus(); document.activeElement.click();")
     assert shown["visible"]
     assert set(shown["reachable"]) == {0}
     assert shown["title"] == "Frequency [Hz]"
@@ -124,9 +124,9 @@ READ = """
 """
 
 
-def test_texts_and_tables_are_in_the_unit_of_the_pictures(chromium: str, tmp_path: Path) -> None:
+def test_texts_and_tables_are_in_the_unit_of_the_pictures(alone: Any, tmp_path: Path) -> None:
     html = render_sections([identification()], title="t").replace("</main>", f"{WRITTEN}</main>", 1)
-    read, console = asked(chromium, html, tmp_path, READ)
+    read, console = asked(alone, html, tmp_path, READ)
     assert console == []
     assert read["said"] == "Hz"
     before = read["before"]

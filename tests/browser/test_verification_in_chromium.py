@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from tests.browser.chromium import SETTLED, asked, dump
+from tests.browser.chromium import SETTLED, asked, elements
 from tests.unit.report.sample import HOSTILE
 from tests.unit.report.verification_sample import verified
 
@@ -24,8 +25,8 @@ PROBE = (
 )
 
 
-def test_all_pictures_are_drawn_in_their_width(chromium: str, tmp_path: Path) -> None:
-    drawn, said = asked(chromium, render_checks(*verified(), title="t"), tmp_path, PROBE)
+def test_all_pictures_are_drawn_in_their_width(alone: Any, tmp_path: Path) -> None:
+    drawn, said = asked(alone, render_checks(*verified(), title="t"), tmp_path, PROBE)
     assert drawn == dict.fromkeys(("check-0", "check-0-ahead", "check-0-loop", "sweeps-0-0"), True)
     assert said == []
 
@@ -51,13 +52,13 @@ async () => {
 """
 
 
-def test_pictures_are_drawn_when_the_last_of_them_is(chromium: str, tmp_path: Path) -> None:
+def test_pictures_are_drawn_when_the_last_of_them_is(alone: Any, tmp_path: Path) -> None:
     """Details that open one inside the other ask for their pictures at once, and the inner may be done first."""
-    told, said = asked(chromium, render_checks(*verified(), title="t"), tmp_path, ONE_IS_SLOW)
+    told, said = asked(alone, render_checks(*verified(), title="t"), tmp_path, ONE_IS_SLOW)
     assert told == ["drawing", "drawn"]
     assert said == []
 
 
-def test_a_hostile_log_cannot_act(chromium: str, tmp_path: Path) -> None:
-    _, said = dump(chromium, render_checks(*verified(record=HOSTILE), title=HOSTILE), tmp_path)
+def test_a_hostile_log_cannot_act(alone: Any, tmp_path: Path) -> None:
+    _, said = elements(alone, render_checks(*verified(record=HOSTILE), title=HOSTILE), tmp_path)
     assert said == []
