@@ -14,6 +14,9 @@ from typer.main import get_command
 
 from rotorid.cli.app import COMMANDS, app
 
+SECTION = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.MULTILINE | re.DOTALL)
+ELSEWHERE = re.compile(r"[Pp]arameters (?:and errors )?are those of :func:")
+
 MANUAL = (Path(__file__).parents[2] / "docs" / "rotorid.1").read_text(encoding="utf-8")
 SECTIONS = {part.split("\n", 1)[0]: part for part in MANUAL.split("\n.SS ")[1:]}
 
@@ -49,3 +52,22 @@ def test_every_public_name_says_what_it_is(package: str) -> None:
                 # A property is named after what it gives.
                 if not called.startswith("_") and inspect.isfunction(function):
                     assert inspect.getdoc(function), (package, name, called)
+
+
+def described(text: str) -> set[str]:
+    """Names in the section of parameters of a docstring."""
+    section = SECTION.search(text)
+    heads = [line for line in section[1].splitlines() if line and not line[0].isspace()] if section else []
+    return {name.strip().lstrip("*") for line in heads for name in line.split(",")}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_parameter_of_a_public_function_is_described(package: str) -> None:
+    module = importlib.import_module(package)
+    for name in module.__all__:
+        function = getattr(module, name)
+        if not inspect.isfunction(function):
+            continue
+        text = inspect.getdoc(function) or ""
+        missing = set(inspect.signature(function).parameters) - described(text)
+        assert not missing or ELSEWHERE.search(text), (package, name, sorted(missing))

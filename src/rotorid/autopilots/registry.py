@@ -30,6 +30,11 @@ def autopilot_of(record: FlightRecord) -> Autopilot:
 
     Of telemetry, ``log`` is what the autopilot sends.
 
+    Parameters
+    ----------
+    record
+        The log.
+
     Examples
     --------
     >>> from rotorid.data.record import FlightRecord, Source
@@ -72,6 +77,11 @@ def writer_of(record: FlightRecord) -> Autopilot:
 
 def named(text: str) -> Autopilot:
     """The autopilot that is called like this, by its name, its key or the first word of its firmware's name.
+
+    Parameters
+    ----------
+    text
+        In upper or lower case.
 
     Examples
     --------

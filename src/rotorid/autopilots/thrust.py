@@ -23,7 +23,15 @@ _LINEAR = 1e-9
 
 
 def expo_thrust(share: FloatArray, expo: float) -> FloatArray:
-    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`."""
+    r"""Thrust of an output, both shares of the largest: :math:`(1 - e) s + e s^2`.
+
+    Parameters
+    ----------
+    share
+        Outputs :math:`s`, shape ``(n,)``.
+    expo
+        The bend :math:`e`: zero is straight, one a parabola.
+    """
     return np.asarray((1.0 - expo) * share + expo * share**2)
 
 

@@ -77,6 +77,17 @@ class Findings(tuple[Finding, ...]):
 def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
     """A finding of severity ``info``.
 
+    Parameters
+    ----------
+    kind
+        Which finding it is, see ``docs/findings.md``.
+    where
+        What it concerns: a parameter, a response, a channel, a log.
+    message
+        Sentences for the user.
+    **numbers
+        By name, for programs.
+
     Examples
     --------
     >>> remark("trim", "theta", "The vehicle flew forward.", theta_rad=-0.1).severity
@@ -88,6 +99,17 @@ def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
 def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
     """A finding of severity ``warning``.
 
+    Parameters
+    ----------
+    kind
+        Which finding it is, see ``docs/findings.md``.
+    where
+        What it concerns: a parameter, a response, a channel, a log.
+    message
+        Sentences for the user.
+    **numbers
+        By name, for programs.
+
     Examples
     --------
     >>> warn("gap", "p", "0.4 s are missing.", longest_s=0.4).numbers["longest_s"]
@@ -98,6 +120,17 @@ def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
 
 def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
     """A finding of severity ``error``.
+
+    Parameters
+    ----------
+    kind
+        Which finding it is, see ``docs/findings.md``.
+    where
+        What it concerns: a parameter, a response, a channel, a log.
+    message
+        Sentences for the user.
+    **numbers
+        By name, for programs.
 
     Examples
     --------
@@ -111,6 +144,11 @@ def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Findings by severity, each fact once; those of one severity keep their order.
 
     That a source is logged too slowly is one fact, whoever says it: the reader, which comes first, knows the remedy.
+
+    Parameters
+    ----------
+    findings
+        Of several sources, the reader's first.
 
     Examples
     --------

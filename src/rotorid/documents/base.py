@@ -25,7 +25,13 @@ class Document(BaseModel):
 
 
 def to_json(document: Document) -> str:
-    """A document as JSON text, with the names of its schema."""
+    """A document as JSON text, with the names of its schema.
+
+    Parameters
+    ----------
+    document
+        With numbers as they are; what is not finite is ``null``.
+    """
     try:
         text = document.model_dump_json(by_alias=True, indent=2)
     except PydanticSerializationError:

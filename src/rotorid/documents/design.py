@@ -102,6 +102,11 @@ def plan_of(document: PlanDocument) -> FlightPlan:
 def read_plan(path: Path) -> FlightPlan:
     """A plan from its file.
 
+    Parameters
+    ----------
+    path
+        The JSON file that ``design`` wrote.
+
     Raises
     ------
     UsageError

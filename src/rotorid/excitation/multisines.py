@@ -323,6 +323,13 @@ def halved(axes: int, *, band_rad_s: tuple[float, float], period_s: float) -> tu
 def harmonics_in(band_rad_s: tuple[float, float], *, period_s: float) -> IntArray:
     """Multiples of ``1 / period_s`` inside a band, edges included, from two up; shape ``(k,)``.
 
+    Parameters
+    ----------
+    band_rad_s
+        Lowest and highest frequency.
+    period_s
+        Period of the multisine.
+
     Examples
     --------
     >>> harmonics_in((0.1, 2.0), period_s=20.0).tolist()
@@ -338,6 +345,13 @@ def power_law(harmonics: IntArray, exponent: float) -> FloatArray:
     r"""Powers :math:`p_k = k^{n}`, one at the highest harmonic; shape ``(k,)``.
 
     With :math:`n = 0` all are equal, with :math:`n = -1` every octave has the same power.
+
+    Parameters
+    ----------
+    harmonics
+        Numbers :math:`k`, shape ``(k,)``.
+    exponent
+        The power :math:`n`.
 
     Examples
     --------

@@ -259,6 +259,17 @@ def multistep(
 def doublet(*, amplitude: float, pulse_s: float, sample_rate_hz: float, trim_s: float = 1.0) -> FloatArray:
     """One step and its opposite, each ``pulse_s`` long; see :func:`multistep`.
 
+    Parameters
+    ----------
+    amplitude
+        Height of both steps.
+    pulse_s
+        Length of each.
+    sample_rate_hz
+        Samples per second.
+    trim_s
+        Length of the rest before and after it.
+
     Examples
     --------
     >>> doublet(amplitude=0.2, pulse_s=0.2, sample_rate_hz=10.0, trim_s=0.1)
@@ -271,6 +282,17 @@ def three_two_one_one(*, amplitude: float, unit_s: float, sample_rate_hz: float,
     """The 3-2-1-1 of flight test, ``7 unit_s`` long; see :func:`multistep`.
 
     It holds its first sign for one unit more than the other, so an unstable vehicle ends away from trim.
+
+    Parameters
+    ----------
+    amplitude
+        Height of the steps.
+    unit_s
+        Length of the shortest step.
+    sample_rate_hz
+        Samples per second.
+    trim_s
+        Length of the rest before and after it.
 
     Examples
     --------
@@ -286,6 +308,17 @@ def balanced_three_two_one_one(
     """A 3-2-1-1 of unequal heights, whose area above zero is that below; see :func:`multistep`.
 
     What integrates the input comes back to where it was. The amplitude is the height of the highest step, the second.
+
+    Parameters
+    ----------
+    amplitude
+        Height of the highest step.
+    unit_s
+        Length of the shortest step.
+    sample_rate_hz
+        Samples per second.
+    trim_s
+        Length of the rest before and after it.
 
     References
     ----------
@@ -312,6 +345,17 @@ def two_one_one(*, amplitude: float, unit_s: float, sample_rate_hz: float, trim_
 
     Shorter than a 3-2-1-1, and it reaches lower in frequency than a doublet of the same unit. It holds its first sign
     for two units more than the other.
+
+    Parameters
+    ----------
+    amplitude
+        Height of the steps.
+    unit_s
+        Length of the shortest step.
+    sample_rate_hz
+        Samples per second.
+    trim_s
+        Length of the rest before and after it.
 
     References
     ----------

@@ -177,7 +177,21 @@ def joined(
     layout: RotorLayout | None = None,
     like: Aircraft | None = None,
 ) -> JoinedVehicle:
-    """What is exported, under the name that was chosen, with draws for the intervals of what follows from it."""
+    """What is exported, under the name that was chosen, with draws for the intervals of what follows from it.
+
+    Parameters
+    ----------
+    what
+        A vehicle that was made of results, or the results.
+    choices
+        Settings of the export.
+    given
+        Constants of the vehicle that the user knows, by name.
+    layout
+        Places of its rotors, where the results do not say them.
+    like
+        Vehicle that stands for what no result says.
+    """
     from rotorid.flying.vehicle_from_results import JoinedVehicle
 
     if isinstance(what, JoinedVehicle):

@@ -165,6 +165,11 @@ _WORDS: Mapping[Fidelity, str] = {"exact": "exact", "approximated": "approximate
 def table_lines(compared: Sequence[Compared]) -> list[str]:
     """The round trip as lines of plain text, for a comment in a file.
 
+    Parameters
+    ----------
+    compared
+        Rows of the round trip.
+
     Examples
     --------
     >>> row = Compared(name="motor lag", unit="s", identified=0.05, exported=0.0504, held="exact")

@@ -90,6 +90,11 @@ TARGETS: Mapping[str, Target] = {
 def target_named(name: str) -> Target:
     """A target by its name.
 
+    Parameters
+    ----------
+    name
+        As ``export --to`` takes it.
+
     Raises
     ------
     UsageError

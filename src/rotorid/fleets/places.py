@@ -142,6 +142,11 @@ def find_places(paths: Iterable[str | Path]) -> FoundPlaces:
 def places_of(paths: Iterable[str | Path]) -> tuple[Place, ...]:
     """All logs behind files, folders, patterns, archives and addresses, each once, in the order of their names.
 
+    Parameters
+    ----------
+    paths
+        As the user gave them.
+
     Raises
     ------
     UsageError

@@ -95,7 +95,15 @@ def fly_demo(path: Path, *, seed: int) -> None:
 
 
 def identify_demo(record: FlightRecord, *, seed: int) -> Demonstration:
-    """Identify the hover models from the log of the demonstration."""
+    """Identify the hover models from the log of the demonstration.
+
+    Parameters
+    ----------
+    record
+        That log.
+    seed
+        Of what is random in the search.
+    """
     results = tuple(identify([record], model, settings=IdentifySettings(seed=seed)) for model in MODELS)
     names = {name for result in results for name in result.parameters}
     truth = {name: true.value for name, true in truth_of(library_aircraft(VEHICLE)).items() if name in names}

@@ -71,6 +71,15 @@ _SHORTEST_LAG_S = 0.005
 def expected_values(model: LinearStructure, craft: Aircraft, prior: Prior | None = None) -> dict[str, float]:
     """Values of the free parameters of a model: those of the previous result, else those of the aircraft.
 
+    Parameters
+    ----------
+    model
+        Structure whose parameters are looked for.
+    craft
+        The aircraft that will fly.
+    prior
+        A previous result, which goes first.
+
     Raises
     ------
     ModelError
@@ -300,7 +309,21 @@ def plan_with(
     doublets: Mapping[str, float] | None = None,
     name: str = "",
 ) -> FlightPlan:
-    """A plan with given amplitudes by axis; those of its doublets are given separately."""
+    """A plan with given amplitudes by axis; those of its doublets are given separately.
+
+    Parameters
+    ----------
+    aircraft
+        Which flies the plan.
+    choices
+        Settings of the plan.
+    sizes
+        Axis to the amplitude of its excitation.
+    doublets
+        The same for its doublets; those of the settings by default.
+    name
+        Of the plan.
+    """
     parts: list[PlannedInput | Sequence[PlannedInput]] = []
     if choices.shape == "random_binary" and choices.together and len(choices.axes) > 1:
         parts += [_binaries(aircraft, choices, sizes, repeat=repeat) for repeat in range(choices.repeats)]

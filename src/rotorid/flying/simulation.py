@@ -161,7 +161,15 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -
 
 
 def fly_run(choices: SimulateSettings, number: int) -> Run:
-    """Fly one of the runs, counted from zero; alone with the seed that its log names, it is the same."""
+    """Fly one of the runs, counted from zero; alone with the seed that its log names, it is the same.
+
+    Parameters
+    ----------
+    choices
+        Settings of all runs.
+    number
+        Which run.
+    """
     # Short enough for a number in JSON to be exact.
     seed = choices.seed if choices.runs == 1 else seed_of(choices.seed, number) >> _SEED_BITS_LEFT_OUT
     drawn = _drawn(choices, seed)
@@ -232,7 +240,17 @@ def everyday_plan(craft: Aircraft, *, duration_s: float = EVERYDAY_S, level: flo
 
 
 def write_run(path: Path, run: Run, choices: SimulateSettings) -> SimulatedLog:
-    """Write the log of a run and describe it."""
+    """Write the log of a run and describe it.
+
+    Parameters
+    ----------
+    path
+        File of the log; the settings choose its format.
+    run
+        What was flown.
+    choices
+        Settings that it was flown with, its autopilot among them.
+    """
     shown = choices.entry.shown
     written = run.flown if shown is None else shown(run.flown, np.random.default_rng([run.seed, 2]))
     write_log(path, written, format=choices.log_format)

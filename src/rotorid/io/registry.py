@@ -239,6 +239,11 @@ def _reader_of(head: bytes, name: str) -> tuple[Reader, Any]:
 def format_of(autopilot: str) -> LogFormat:
     """The format in which an autopilot logs; a table for one without a format of its own.
 
+    Parameters
+    ----------
+    autopilot
+        Name of the autopilot.
+
     Examples
     --------
     >>> format_of("px4"), format_of("ardupilot"), format_of("simple")
@@ -249,6 +254,13 @@ def format_of(autopilot: str) -> LogFormat:
 
 def log_rate_hz(format: LogFormat, loop_rate_hz: float) -> float:
     """Rate at which a log holds commands and rates of a loop.
+
+    Parameters
+    ----------
+    format
+        Of the log.
+    loop_rate_hz
+        Rate of the loop.
 
     Examples
     --------

@@ -69,6 +69,11 @@ def plain_mixer(layout: RotorLayout) -> FloatArray:
 
     Roll and pitch go with the distance from their axis and yaw with the spin, one at the largest; thrust is one.
 
+    Parameters
+    ----------
+    layout
+        Places and spins of the rotors.
+
     Examples
     --------
     >>> from rotorid.models import library_layout

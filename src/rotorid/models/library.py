@@ -216,6 +216,11 @@ def rate_model(name: str) -> LinearStructure:
     Yaw has the reaction to the spin-up of the rotors besides, as ``axis.yaw``: above a few rad/s it turns many vehicles
     more than drag does, and what lacks it takes it for control power and damping. Of light rotors it is dropped.
 
+    Parameters
+    ----------
+    name
+        One of these.
+
     Raises
     ------
     ModelError

@@ -279,6 +279,11 @@ def about_rest(structure: NonlinearStructure) -> LinearStructure:
     at zero states and inputs; the derivatives are those of the equations, exact. Parameters that act on larger motion
     only, such as a drag that is quadratic in the speed, do not stand in it.
 
+    Parameters
+    ----------
+    structure
+        The nonlinear one.
+
     Raises
     ------
     ModelError

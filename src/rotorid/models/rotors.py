@@ -361,6 +361,11 @@ def ardupilot_mixer(layout: RotorLayout) -> FloatArray:
     with the weights of yaw :math:`w`, which are the spins for most frames. Each axis is normalized for itself, so that
     the length and width of the frame do not matter. Tilted rotors are mixed as if they were not.
 
+    Parameters
+    ----------
+    layout
+        Places and spins of the rotors.
+
     References
     ----------
     ArduPilot, AP_MotorsMatrix: factors of the motors, normalized to one half.
@@ -384,6 +389,11 @@ def px4_mixer(layout: RotorLayout) -> FloatArray:
     larger of :math:`\sqrt{2 \sum_i b_i^2 / n}` of the two, with :math:`n` the motors that take part; yaw by its largest
     element; thrust by the mean of its absolute values. The rows of the effectiveness may then have any scale, so that
     neither the arm nor the torque of the rotors matters. Holds while no actuator is at a limit.
+
+    Parameters
+    ----------
+    layout
+        Places, spins and tilts of the rotors.
 
     References
     ----------

@@ -92,7 +92,15 @@ def aircraft_loop(
 
 
 def rate_filters(aircraft: Aircraft, omega_rad_s: FloatArray) -> ComplexArray:
-    """What stands between the motion and each output in front of the controllers, shape ``(y, f)``."""
+    """What stands between the motion and each output in front of the controllers, shape ``(y, f)``.
+
+    Parameters
+    ----------
+    aircraft
+        With its sensors and autopilot.
+    omega_rad_s
+        Frequencies, shape ``(f,)``.
+    """
     return _sensor_filters(aircraft, filtered=True).factors(omega_rad_s)
 
 

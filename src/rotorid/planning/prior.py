@@ -49,6 +49,11 @@ class Prior(Immutable):
 def read_prior(path: Path) -> Prior:
     """A previous result: a ``result.json``, beside which ``model.toml`` holds its structure, or the folder of both.
 
+    Parameters
+    ----------
+    path
+        One of these.
+
     Raises
     ------
     UsageError

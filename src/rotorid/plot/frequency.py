@@ -267,7 +267,17 @@ def _thin(view: View, omega: FloatArray, values: FloatArray, name: str, *, legen
 
 
 def measured_curve(response: FrequencyResponse, *, output: str, input: str, lean_deg: FloatArray) -> Curve:
-    """One measured pair on paper, its phase near ``lean_deg`` of shape ``(f,)``."""
+    """One measured pair on paper, its phase near ``lean_deg`` of shape ``(f,)``.
+
+    Parameters
+    ----------
+    response
+        With this pair.
+    output, input
+        The pair.
+    lean_deg
+        Phase of the model, by which whole turns are chosen.
+    """
     row = response.pair(output, input)
     return curve(response.omega_rad_s, response.values[row], response.random_error[row], lean_deg)
 

@@ -81,6 +81,11 @@ class LogPicture:
 def log_figure(picture: LogPicture) -> Figure:
     """Bars of excitations, channels, and bars of topics over one time axis, so that zooming one zooms all.
 
+    Parameters
+    ----------
+    picture
+        What a log contains, over time.
+
     Examples
     --------
     >>> bar = Bar(row="roll", group="excitation", spans=[(3.0, 63.0)], words=["sweep"])

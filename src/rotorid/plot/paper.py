@@ -177,7 +177,15 @@ def bode_figure(
 
 
 def matplotlib_or_remedy(what: str = "this picture", *, instead: str = "") -> Any:
-    """The module ``matplotlib`` with its figures, or an error that says how to get it."""
+    """The module ``matplotlib`` with its figures, or an error that says how to get it.
+
+    Parameters
+    ----------
+    what
+        What is drawn, as the error names it.
+    instead
+        What the user may do without it.
+    """
     try:
         import matplotlib as mpl
         import matplotlib.figure

@@ -175,6 +175,11 @@ class JudgedGains(Immutable):
 def load_gains(path: Path | str) -> GainFile:
     """Gains of a file on disk.
 
+    Parameters
+    ----------
+    path
+        A parameter file, or the text of ``diff all``.
+
     Raises
     ------
     UsageError

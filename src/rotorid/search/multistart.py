@@ -53,6 +53,23 @@ def search_from(
     A local search that was begun is finished, so that the last may pass the budget. Evaluations count the costs of the
     starts and the residuals of the local searches alike.
 
+    Parameters
+    ----------
+    search
+        Its name, kept with the result.
+    problem
+        What is minimized.
+    starts
+        Points, shape ``(n, p)``.
+    budget
+        Evaluations that are allowed.
+    seed
+        Kept with the result.
+    executor
+        Evaluates several points at the same time; one after the other without it.
+    progress
+        Called with what was found so far.
+
     Raises
     ------
     UsageError
@@ -75,7 +92,13 @@ def search_from(
 
 
 def most_starts(budget: int) -> int:
-    """How many starts a budget can pay at most: each takes a cost and a residual."""
+    """How many starts a budget can pay at most: each takes a cost and a residual.
+
+    Parameters
+    ----------
+    budget
+        Evaluations that are allowed.
+    """
     return max(budget // 2, 1)
 
 

@@ -183,6 +183,13 @@ def spread_over_starts(
 def wilson(found: int, runs: int) -> Share:
     """A share with its 95 % interval, which is honest also for none and for all of few runs.
 
+    Parameters
+    ----------
+    found
+        Runs that found it.
+    runs
+        All runs.
+
     References
     ----------
     E. B. Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, Journal of the American

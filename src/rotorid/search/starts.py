@@ -68,6 +68,15 @@ def sobol(box: StartBox, count: int, *, rng: np.random.Generator) -> FloatArray:
 
     The same generator state gives the same points. Powers of two are evened out best.
 
+    Parameters
+    ----------
+    box
+        Limits of each parameter.
+    count
+        How many points.
+    rng
+        Source of what is random.
+
     Raises
     ------
     UsageError
@@ -83,6 +92,15 @@ def sobol(box: StartBox, count: int, *, rng: np.random.Generator) -> FloatArray:
 
 def at_random(box: StartBox, count: int, *, rng: np.random.Generator) -> FloatArray:
     """Points drawn evenly over the box, shape ``(count, p)``.
+
+    Parameters
+    ----------
+    box
+        Limits of each parameter.
+    count
+        How many points.
+    rng
+        Source of what is random.
 
     Raises
     ------

@@ -162,7 +162,17 @@ def even_step_s(time_s: FloatArray) -> float:
 
 
 def missing_channel(record: FlightRecord, name: str, remedy: str = "") -> InsufficientDataError:
-    """The error for a channel that a log does not hold."""
+    """The error for a channel that a log does not hold.
+
+    Parameters
+    ----------
+    record
+        The log.
+    name
+        Of the channel.
+    remedy
+        What to do; advice on logging by default.
+    """
     message = f"{record.source.name} has no {name}."
     return InsufficientDataError(
         f"{record.source.name} has no {name}",

@@ -105,7 +105,13 @@ def gravity_in_body(history: TimeHistory) -> FloatArray:
 
 
 def transport(history: TimeHistory) -> FloatArray:
-    """What turning axes add to the derivative of body velocities, shape ``(3, samples)``."""
+    """What turning axes add to the derivative of body velocities, shape ``(3, samples)``.
+
+    Parameters
+    ----------
+    history
+        With ``u``, ``v``, ``w``, ``p``, ``q`` and ``r``.
+    """
     rates, velocities = (np.stack([history[name] for name in names]) for names in (RATES, VELOCITIES))
     return np.asarray(np.cross(rates, velocities, axis=0))
 

@@ -199,6 +199,11 @@ def fly_linear(
 def excitation_of(name: str) -> str:
     """Channel of the test input that is added to a command.
 
+    Parameters
+    ----------
+    name
+        Of the command.
+
     Examples
     --------
     >>> excitation_of("pitch_command"), excitation_of("motor_3")

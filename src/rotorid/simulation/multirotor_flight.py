@@ -471,7 +471,15 @@ def piloted(aircraft: Aircraft) -> Aircraft:
 
 
 def number_of(aircraft: Aircraft, name: str) -> float:
-    """What :func:`changed` would change; one for a factor."""
+    """What :func:`changed` would change; one for a factor.
+
+    Parameters
+    ----------
+    aircraft
+        Whose number it is.
+    name
+        Of the number.
+    """
     vehicle, rotors = aircraft.vehicle, aircraft.vehicle.rotors
     diagonal = np.diag(vehicle.inertia_kg_m2)
     numbers = {

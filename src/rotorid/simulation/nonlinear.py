@@ -83,6 +83,11 @@ METHODS: Mapping[str, RungeKutta] = MappingProxyType(
 def runge_kutta(name: str) -> RungeKutta:
     """An integrator by its name.
 
+    Parameters
+    ----------
+    name
+        As settings call it.
+
     Raises
     ------
     UsageError

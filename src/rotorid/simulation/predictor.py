@@ -350,6 +350,23 @@ def least_squares_start(
 
     Parameters and errors are those of :func:`kalman_start`.
 
+    Parameters
+    ----------
+    system
+        The model.
+    u
+        Inputs, shape ``(inputs, samples)``.
+    y
+        Measured outputs, shape ``(outputs, samples)``; not a number where one is missing.
+    sample_rate_hz
+        Samples per second.
+    output_std
+        Noise of each output, shape ``(outputs,)``.
+    before
+        Inputs ahead of the record, which its delays reach; the first ones by default.
+    hold
+        How inputs go on between samples.
+
     Raises
     ------
     InsufficientDataError

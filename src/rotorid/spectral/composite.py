@@ -150,6 +150,13 @@ def minimum_variance_share(covariance: FloatArray, valid: BoolArray) -> FloatArr
 def compose_by_weights(pairs: PairSpectra, weights: FloatArray) -> PairSpectra:
     r"""Weighted mean of the windows, :math:`\sum W_i^2 G_i / \sum W_i^2`.
 
+    Parameters
+    ----------
+    pairs
+        Spectra of each window.
+    weights
+        Weights :math:`W_i` of the windows, by pair and frequency.
+
     References
     ----------
     Tischler and Remple, *Aircraft and Rotorcraft System Identification*, section 10.2.
@@ -173,6 +180,13 @@ def compose_by_least_squares(pairs: PairSpectra, weights: FloatArray) -> PairSpe
        + 5 \left[\tfrac{\gamma^2 - \gamma_i^2}{\bar \gamma^2}\right]^2 \right\}
 
     The cross-spectrum is scaled by its magnitude: its real and imaginary parts pass through zero.
+
+    Parameters
+    ----------
+    pairs
+        Spectra of each window.
+    weights
+        Weights :math:`W_i` of the windows, by pair and frequency.
     """
     start = compose_by_weights(pairs, weights)
     scale = np.stack([start.input_auto, start.output_auto, np.abs(start.cross), np.abs(start.cross)])

@@ -37,6 +37,11 @@ def overlap_constant(overlap: float) -> float:
     :math:`\sqrt{0.55}` at 50 % overlap, :math:`\sqrt{0.50}` at 80 %, linear in between, one without overlap; after
     Tischler and Remple, *Aircraft and Rotorcraft System Identification*, chapter 7.
 
+    Parameters
+    ----------
+    overlap
+        Share of a window that the next one covers.
+
     Examples
     --------
     >>> round(overlap_constant(0.8) ** 2, 3)

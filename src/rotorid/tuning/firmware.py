@@ -19,7 +19,13 @@ _SAME = 1e-6
 
 
 def ranges_of(controller: AxisController) -> dict[str, tuple[float, float]]:
-    """Least and largest gain in SI that the firmware accepts."""
+    """Least and largest gain in SI that the firmware accepts.
+
+    Parameters
+    ----------
+    controller
+        As the log describes it.
+    """
     return {
         letter: (parameter.low * parameter.per_si, parameter.high * parameter.per_si)
         for letter, parameter in parameters_of(controller).items()
@@ -58,6 +64,13 @@ def _is_unchanged(parameter: Parameter, gain: float, flown: float) -> bool:
 
 def written(controller: AxisController, gains: Gains) -> dict[str, float]:
     """Values of the firmware's parameters for some gains, by name; unchanged ones have the digits of the log.
+
+    Parameters
+    ----------
+    controller
+        As the log describes it, with its parameters.
+    gains
+        In SI.
 
     Raises
     ------

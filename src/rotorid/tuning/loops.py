@@ -63,7 +63,15 @@ class Gains(Immutable):
 
 
 def frequency_grid(controller: RateController, loop: LoopName = "roll") -> FloatArray:
-    """Frequencies on which a loop is looked at, below half the rate of its controller, rad/s."""
+    """Frequencies on which a loop is looked at, below half the rate of its controller, rad/s.
+
+    Parameters
+    ----------
+    controller
+        Whose step counts.
+    loop
+        Kind of loop, which has its own ends.
+    """
     kind = KINDS[loop]
     highest = kind.highest_rad_s
     if controller.step_s > 0.0:
@@ -306,6 +314,13 @@ class AttitudeFigures(Immutable):
 def attitude_figures(omega_rad_s: FloatArray, closed: ComplexArray) -> AttitudeFigures:
     """Bandwidth and phase delay of attitudes over their set-points, shape ``(draws, f)``.
 
+    Parameters
+    ----------
+    omega_rad_s
+        Shape ``(f,)``, rising.
+    closed
+        The responses, shape ``(draws, f)`` or ``(f,)``.
+
     Examples
     --------
     >>> w = np.geomspace(0.1, 300.0, 600)
@@ -345,6 +360,11 @@ _LEAST_SHARE = 0.5
 
 def quantities(figures: LoopFigures | AttitudeFigures) -> dict[str, Quantity]:
     """Figures as numbers with intervals of 95 % over the draws; one that half of the draws do not show is left out.
+
+    Parameters
+    ----------
+    figures
+        Over the draws of a plant.
 
     Examples
     --------
@@ -450,6 +470,17 @@ def attitude_rms(
     .. math:: \int \left| \frac{P}{j\omega (1 + L)} \right|^2 \frac{d\omega}{\omega^2 + \omega_d^2}
 
     Its scale is arbitrary: values of one plant are to be compared.
+
+    Parameters
+    ----------
+    omega_rad_s
+        Shape ``(f,)``, rising.
+    plants
+        Rates by command :math:`P`, shape ``(draws, f)``.
+    loops
+        Whole loops :math:`L`, of the same shape.
+    corner_rad_s
+        Of the moment, :math:`\omega_d`.
     """
     answer = np.abs(plants / (1j * omega_rad_s * (1.0 + loops))) ** 2
     weight = 1.0 / (omega_rad_s**2 + corner_rad_s**2)

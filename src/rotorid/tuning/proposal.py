@@ -432,7 +432,19 @@ def _swings_slowly(flown: Judged, parts: ControllerParts, plants: _Plants) -> bo
 
 
 def judged(parts: ControllerParts, plants: ComplexArray, gains: Gains, *, from_rad_s: float = 0.0) -> Judged:
-    """Effect of gains on all plants, shape ``(draws, f)``; stability counts from a frequency on, as in loop_figures."""
+    """Effect of gains on all plants, shape ``(draws, f)``; stability counts from a frequency on, as in loop_figures.
+
+    Parameters
+    ----------
+    parts
+        What each gain does.
+    plants
+        Rates by command on their frequencies.
+    gains
+        To judge.
+    from_rad_s
+        From where stability counts.
+    """
     omega = parts.omega_rad_s
     rate, whole = plants * parts.rate(gains), plants * parts.whole(gains)
     return Judged(

@@ -134,6 +134,13 @@ def covariance_of_all(parameters: ParameterSet, bounds: Bounds) -> FloatArray:
 
     Fixed and dropped parameters have none.
 
+    Parameters
+    ----------
+    parameters
+        With their ties.
+    bounds
+        Uncertainty of the free ones.
+
     Raises
     ------
     UsageError

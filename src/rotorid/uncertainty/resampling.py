@@ -390,7 +390,21 @@ def spread_of(
     seed: int,
     units: Sequence[str] = (),
 ) -> SpreadTable:
-    """The table of what runs gave."""
+    """The table of what runs gave.
+
+    Parameters
+    ----------
+    done
+        Estimates of each run, or why it has none.
+    names
+        Of the parameters.
+    estimate
+        Of the data as they are, shape ``(p,)``.
+    seed
+        From which all runs were drawn.
+    units
+        Of the parameters.
+    """
     reasons = [draw.reason for draw in done if isinstance(draw, LeftOut)]
     draws = [draw for draw in done if not isinstance(draw, LeftOut)]
     return SpreadTable(

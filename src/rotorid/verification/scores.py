@@ -39,6 +39,13 @@ def nrmse_fit_percent(measured: FloatArray, predicted: FloatArray) -> float:
 
     100 is perfect, 0 no better than the mean, negative worse than it.
 
+    Parameters
+    ----------
+    measured
+        Samples :math:`y`, shape ``(n,)``.
+    predicted
+        Samples :math:`\hat y`, of the same shape.
+
     Examples
     --------
     >>> nrmse_fit_percent(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 2.0]))
@@ -53,6 +60,13 @@ def theil_inequality(measured: FloatArray, predicted: FloatArray) -> float:
     r"""Theil inequality coefficient, :math:`\mathrm{rms}(y - \hat y) / (\mathrm{rms}\,y + \mathrm{rms}\,\hat y)`.
 
     0 is perfect, 1 hopeless; up to 0.25 to 0.30 is good.
+
+    Parameters
+    ----------
+    measured
+        Samples :math:`y`, shape ``(n,)``.
+    predicted
+        Samples :math:`\hat y`, of the same shape.
 
     Examples
     --------
@@ -78,7 +92,13 @@ def guidelines_met(tic: float, fit_percent: float) -> int:
 
 
 def rms(values: FloatArray) -> float:
-    """Root mean square."""
+    """Root mean square.
+
+    Parameters
+    ----------
+    values
+        Of any shape.
+    """
     return float(np.sqrt(np.mean(np.square(values))))
 
 

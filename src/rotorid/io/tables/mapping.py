@@ -309,6 +309,11 @@ _SEGMENT_KEYS = ("start_s", "stop_s", "start_sample", "stop_sample", "axis", "ki
 def read_mapping(path: Path) -> ChannelMapping:
     """Read a mapping file.
 
+    Parameters
+    ----------
+    path
+        The TOML file.
+
     Raises
     ------
     UsageError

@@ -163,6 +163,11 @@ class AccelerationLoop(NamedTuple):
 def acceleration_loop(parameters: Mapping[str, float]) -> AccelerationLoop | None:
     """ArduPilot's loop around the vertical acceleration; ``None`` where the parameters have none.
 
+    Parameters
+    ----------
+    parameters
+        Of the log, by name.
+
     Examples
     --------
     >>> old, new = {"PSC_ACCZ_P": 0.5, "PSC_ACCZ_I": 1.0}, {"PSC_D_ACC_P": 0.05, "PSC_D_ACC_I": 0.1}
