@@ -320,7 +320,7 @@ def plan_with(
     sizes
         Axis to the amplitude of its excitation.
     doublets
-        The same for its doublets; those of the settings by default.
+        The same for its doublets; as large as ``sizes`` without it.
     name
         Of the plan.
     """
