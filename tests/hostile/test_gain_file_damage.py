@@ -144,7 +144,7 @@ def test_windows_writes_the_same_gains(name: str, change: Callable[[str], str]) 
 def test_large_files_pipes_and_other_encodings_are_one_sentence(tmp_path: Path) -> None:
     place = tmp_path / "gains.params"
     for content, words in (
-        (SOUND["px4.params"].encode() * 5000, "too large"),
+        (SOUND["px4.params"].encode() * 5000, "at most 2000000 bytes"),
         (SOUND["px4.params"].encode("utf-16"), "contains no gains"),
         (bytes(range(256)) * 9, "contains no gains"),
         (SOUND["px4.params"].encode()[:-7], "cannot be read"),

@@ -31,6 +31,7 @@ CHOICES: Final = {
 """Keys that take one of a few words."""
 
 _MOST_BYTES = 1 << 16
+_NEEDED = "settings, in lines such as theme = 'dark'"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,16 +103,13 @@ def read_preferences(file: Path) -> Preferences:
     UsageError
         As :func:`preferences`.
     """
-    from rotorid.io.documents import parse_toml
+    from rotorid.io.documents import parse_toml, read_text
 
+    text = read_text(file, needed=_NEEDED, most_bytes=_MOST_BYTES)
     try:
-        if file.stat().st_size > _MOST_BYTES:
-            raise UsageError(f"{file} is too large for a settings file", needed="a few lines")
-        text = file.read_text(encoding="utf-8")
         table = parse_toml(text)
-    # ValueError is Python's word for a name that no file can have, too.
-    except (OSError, ValueError) as error:
-        raise _unreadable(file, getattr(error, "strerror", None) or " ".join(str(error).split())) from None
+    except ValueError as error:
+        raise _unreadable(file, " ".join(str(error).split())) from None
     if unknown := [key for key in table if key not in (*CHOICES, "out")]:
         named = " and ".join(f"{key!r}{_line(text, key)}" for key in unknown)
         raise UsageError(
@@ -128,7 +126,7 @@ _KEY = re.compile(r"""[\s\["']{0,40}([\w-]{1,80})["']?\s{0,40}[=.\]]""")
 
 
 def _unreadable(file: Path, why: str) -> UsageError:
-    return UsageError(f"the settings in {file} cannot be read: {why}", needed="lines such as theme = 'dark'")
+    return UsageError(f"the settings in {file} cannot be read: {why}", needed=_NEEDED)
 
 
 def _line(text: str, key: str) -> str:

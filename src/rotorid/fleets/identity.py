@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import os
 import re
 import secrets
 from collections.abc import Mapping
@@ -19,10 +20,12 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
 from rotorid.io.documents import read_text
-from rotorid.io.files import beginning
+from rotorid.io.files import beginning, write_atomically
 
 _HEAD_BYTES = 4 << 20
 _MOST_TABLE_BYTES = 64 << 20
+_SALT_BYTES = 1 << 10
+_SALT = re.compile(r"[0-9a-f]{32}")
 _PX4 = re.compile(rb"char\[\d{1,3}\] sys_uuid([0-9A-Fa-f]{8,48})")
 _ARDUPILOT = re.compile(rb"[A-Za-z][\w.+-]{1,31} ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})")
 _BETAFLIGHT = re.compile(rb"H DeviceUID:(?:0x)?([0-9A-Fa-f]{8,48})")
@@ -30,12 +33,30 @@ _NO_BOARD = re.compile(rb"0*|F*|f*")
 
 
 def read_salt(path: Path) -> bytes:
-    """The salt of a folder, made where there is none."""
-    if path.exists():
-        return path.read_bytes()[:64]
-    salt = secrets.token_hex(16).encode()
-    path.write_bytes(salt)
-    return salt
+    """The salt of a folder, made where there is none.
+
+    Raises
+    ------
+    UsageError
+        It holds something else, or there is no room for one.
+    """
+    needed = "the salt that an earlier run wrote"
+    if os.path.lexists(path):
+        salt = read_text(path, needed=needed, most_bytes=_SALT_BYTES)
+        # A run that was killed before any log was read leaves an empty one, and no name that was made with it.
+        if salt:
+            if _SALT.fullmatch(salt) is None:
+                raise UsageError(f"{path} is not a salt", needed=needed, remedy="choose another --out")
+            return salt.encode()
+    salt = secrets.token_hex(16)
+    try:
+        write_atomically(path, salt)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written: {error.strerror or error}",
+            needed="free space in a folder that you may write to",
+        ) from error
+    return salt.encode()
 
 
 def board_of(log: Path) -> bytes:

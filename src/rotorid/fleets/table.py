@@ -13,20 +13,24 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
-from rotorid.errors import RotoridError, UsageError
-from rotorid.io.documents import parse_json
+from rotorid.data.display import visible
+from rotorid.errors import LogError, RotoridError, UsageError
+from rotorid.io.documents import parse_json, read_lines, require_file
 from rotorid.io.folders import replacing
+from rotorid.io.sandbox import extract
 
 TABLE, FAILED, JOURNAL, SALT = "fleet.parquet", "failed.parquet", "fleet.journal", "fleet.salt"
 FILE, PAGE = "fleet.json", "fleet.html"
 SCHEMA = "rotorid.fleet.table/1"
 _JOURNAL_SCHEMA = "rotorid.fleet.journal/1"
+_JOURNAL_HEAD = json.dumps({"schema": _JOURNAL_SCHEMA}).encode() + b"\n"
 REVIEW = "review"
 """What the table calls measures of a review in the place of a model."""
 
@@ -189,9 +193,11 @@ class LogAnswer(Immutable):
         """
         try:
             table = parse_json(text)
-            rows = tuple(_row(row) for row in table.pop("rows"))
-            failed = tuple(Failed(**failure) for failure in table.pop("failed"))
-            return cls(**table, rows=rows, failed=failed)
+            rows = tuple(Row(**_typed(Row, row)) for row in table.pop("rows"))
+            failed = tuple(Failed(**_typed(Failed, failure)) for failure in table.pop("failed"))
+            gains = {name: _typed_value("float", value) for name, value in table.pop("gains").items()}
+            patterns = tuple(tuple(_typed_value("float", value) for value in row) for row in table.pop("patterns"))
+            return cls(**_typed(cls, table), rows=rows, failed=failed, gains=gains, patterns=patterns)
         except (KeyError, TypeError, AttributeError, RotoridError) as error:
             raise ValueError(f"no answer of a log: {error}") from error
 
@@ -230,12 +236,26 @@ class Counts(Immutable):
     skipped: tuple[str, ...] = ()
 
 
-_NUMBERS = ("value", "std", "std_random", "lower", "upper")
+def _typed(kind: type[Row | Failed | LogAnswer], table: Mapping[str, Any]) -> dict[str, Any]:
+    """A table of a journal, each value found to be what the field of its name holds."""
+    types = {item.name: str(item.type) for item in fields(kind)}
+    return {name: _typed_value(types[name], value) for name, value in table.items()}
 
 
-def _row(table: Mapping[str, Any]) -> Row:
-    numbers = {name: math.nan if table[name] is None else float(table[name]) for name in _NUMBERS}
-    return Row(**{**table, **numbers})
+def _typed_value(needed: str, value: Any) -> Any:
+    """A value of a journal: ``nan`` is written as ``null``."""
+    if needed == "float" and not isinstance(value, bool):
+        value = math.nan if value is None else value
+        if isinstance(value, int | float):
+            return float(value)
+    sound = {
+        "int": type(value) is int and abs(value) < 1 << 31,
+        "str": isinstance(value, str),
+        "Failure": value in get_args(Failure),
+    }
+    if sound.get(needed):
+        return value
+    raise TypeError(f"{value!r:.40} is no {needed}")
 
 
 def _without_nan(value: Any) -> Any:
@@ -296,34 +316,28 @@ class Journal:
         Raises
         ------
         UsageError
-            The file is of something else.
+            The file is of something else, or cannot be read.
         """
-        if not self.path.exists():
+        if not os.path.lexists(self.path):
             return
         whole = 0
-        with self.path.open("rb") as file:
-            for number, line in enumerate(iter(lambda: file.readline(_MOST_LINE_BYTES), b"")):
-                if not line.endswith(b"\n"):
-                    break
-                try:
-                    if number == 0:
-                        self._require(line)
-                    else:
-                        self._keep(LogAnswer.from_json(line.decode()))
-                except ValueError:
-                    if number == 0:
-                        self._require(b"")
-                whole += len(line)
+        lines = read_lines(self.path, needed=_JOURNAL_SCHEMA, most_bytes=_MOST_LINE_BYTES)
+        for number, line in enumerate(lines):
+            if number == 0:
+                self._require(line)
+            if not line.endswith(b"\n"):
+                break
+            if number:
+                with suppress(ValueError):
+                    self._keep(LogAnswer.from_json(line.decode()))
+            whole += len(line)
         if whole < self.path.stat().st_size:
             with self.path.open("rb+") as file:
                 file.truncate(whole)
 
     def _require(self, line: bytes) -> None:
-        try:
-            schema = parse_json(line.decode()).get("schema")
-        except (ValueError, AttributeError):
-            schema = None
-        if schema != _JOURNAL_SCHEMA:
+        """Refuse a first line of something else; the beginning of the right one was cut off by a crash."""
+        if not (line == _JOURNAL_HEAD or (_JOURNAL_HEAD.startswith(line) and not line.endswith(b"\n"))):
             raise UsageError(
                 f"{self.path} is not a journal of this version", needed=_JOURNAL_SCHEMA, remedy="choose another --out"
             )
@@ -343,10 +357,10 @@ class Journal:
         """
         answer = self._keep(answer)
         before = self.path.stat().st_size if self.path.exists() else 0
-        head = "" if before else json.dumps({"schema": _JOURNAL_SCHEMA}) + "\n"
+        head = b"" if before else _JOURNAL_HEAD
         try:
             with self.path.open("ab", buffering=0) as file:
-                data = (head + answer.as_json() + "\n").encode()
+                data = head + answer.as_json().encode() + b"\n"
                 if file.write(data) != len(data):
                     raise OSError(28, os.strerror(28))
         except OSError as error:
@@ -407,17 +421,16 @@ def require_table(path: Path) -> None:
         The file is no table of rotorid, or of another version.
     """
     require_parquet()
-    import pyarrow as arrow
-    from pyarrow import parquet
-
     try:
-        found = (parquet.read_schema(path).metadata or {}).get(b"rotorid", b"").decode()
-    except (OSError, arrow.ArrowInvalid):
-        found = ""
+        require_file(path)
+        found = extract("parquet", path, {"metadata": "rotorid"}).facts["metadata"]
+        came = f"{path} is {visible(found) or 'not a table of rotorid'}"
+    except LogError as error:
+        found, came = "", f"{path} is not a table of rotorid: {error.came}"
+    except OSError as error:
+        found, came = "", f"{path} cannot be read: {error.strerror}"
     if found != SCHEMA:
-        raise UsageError(
-            f"{path} is {found or 'not a table of rotorid'}", needed=SCHEMA, remedy="choose another folder with --out"
-        )
+        raise UsageError(came, needed=SCHEMA, remedy="choose another folder with --out")
 
 
 def require_parquet() -> None:

@@ -20,11 +20,14 @@ Every fault is a :class:`DocumentError` with the line it is on; who reads says w
 from __future__ import annotations
 
 import json
+import os
 import re
 import stat
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from rotorid.errors import LogError, UsageError
 
@@ -154,22 +157,62 @@ def read_text(path: Path, *, needed: str, most_bytes: int = MOST_TOML_BYTES) -> 
     UsageError
         It cannot be read, is no regular file, no text in UTF-8, or too large.
     """
+    content = read_bytes(path, needed=needed, most_bytes=most_bytes)
     try:
-        require_file(path)
-        if (size := path.stat().st_size) > most_bytes:
-            raise UsageError(f"{path} has {size} bytes", needed=f"{needed}, of at most {most_bytes} bytes")
-        with path.open("rb") as file:
-            # A file may have grown since it was measured.
-            content = file.read(most_bytes + 1)
-        text = content[:most_bytes].decode("utf-8-sig")
-    except LogError as error:
-        raise UsageError(error.came, needed=needed, remedy=error.remedy) from None
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}", needed=needed) from error
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise UsageError(f"{path} cannot be read: it is not UTF-8 text", needed=needed) from error
     # Ends of lines as a text file has them on any system.
     return text.replace("\r\n", "\n")
+
+
+def read_bytes(path: Path, *, needed: str, most_bytes: int) -> bytes:
+    """The bytes of a document, for who decodes them otherwise than :func:`read_text`.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, is no regular file, or too large.
+    """
+    with _opened(path, needed) as file:
+        content = file.read(most_bytes + 1)
+        if len(content) > most_bytes:
+            size = max(os.fstat(file.fileno()).st_size, len(content))
+            raise UsageError(f"{path} has {size} bytes", needed=f"{needed}, of at most {most_bytes} bytes")
+    return content
+
+
+def read_lines(path: Path, *, needed: str, most_bytes: int) -> Iterator[bytes]:
+    """The lines of a document that is too long to be held, each with its end; the last one may have none.
+
+    Parameters
+    ----------
+    most_bytes
+        The longest line; a longer one comes in pieces without an end.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, or is no regular file.
+    """
+    with _opened(path, needed) as file:
+        yield from iter(lambda: file.readline(most_bytes), b"")
+
+
+@contextmanager
+def _opened(path: Path, needed: str) -> Iterator[BinaryIO]:
+    """A file that was found to be one, open."""
+    try:
+        require_file(path)
+        with path.open("rb") as file:
+            yield file
+    except LogError as error:
+        raise UsageError(error.came, needed=needed, remedy=error.remedy) from None
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}", needed=needed) from error
+    # Python's word for a name that no file can have.
+    except ValueError as error:
+        raise UsageError(f"{path} cannot be read: {error}", needed=needed) from error
 
 
 def require_file(path: Path) -> None:

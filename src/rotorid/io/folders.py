@@ -39,6 +39,7 @@ from pathlib import Path
 from typing import Any
 
 from rotorid.errors import UsageError
+from rotorid.io.documents import MOST_JSON_BYTES, parse_json, read_text
 
 _MAKING = ".rotorid-making-"
 _SCRATCH = "rotorid-scratch-"
@@ -47,7 +48,7 @@ _NEW, _OLD, _JOB = "new", "old", "job.json"
 
 _FOREIGN_AT_MOST = 1000
 """A folder with more foreign files than this stays where it is."""
-_RESULT_BYTES = 256 << 20
+_RESULT_BYTES = MOST_JSON_BYTES
 _SECOND_NS = 10**9
 _COPIED_NS = 2 * _SECOND_NS
 """Stamps of a copied set are not whole seconds, and lie this close together."""
@@ -60,7 +61,7 @@ _active: set[Path] = set()
 
 def read_json(path: Path) -> Any:
     """The JSON in a file."""
-    return json.loads(path.read_text(encoding="utf-8"))
+    return parse_json(read_text(path, needed="a result", most_bytes=_RESULT_BYTES))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,7 +301,7 @@ def _main(folder: Path, kind: ResultKind) -> tuple[Mapping[str, Any] | None, int
             if not stat.S_ISREG(facts.st_mode) or facts.st_size > _RESULT_BYTES:
                 continue
             document = kind.reader(path)
-        except (OSError, ValueError, RecursionError):
+        except (OSError, ValueError, RecursionError, UsageError):
             continue
         if isinstance(document, dict) and str(document.get("schema", "")).startswith(kind.schema):
             return document, facts.st_mtime_ns
@@ -577,9 +578,9 @@ def _remove(path: Path) -> None:
 def _recover(claim: Path) -> None:
     """Finish or undo what a killed run had begun; its folder then holds nothing that anybody misses."""
     try:
-        job = json.loads((claim / _JOB).read_text(encoding="utf-8"))
+        job = parse_json(read_text(claim / _JOB, needed="an exchange that was begun", most_bytes=_RESULT_BYTES))
         names = [job["target"], *job["names"], *job["own"], *job["mains"]]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (UsageError, ValueError, KeyError, TypeError):
         return
     if not all(isinstance(name, str) and _is_inside(name) for name in names) or "/" in job["target"]:
         return

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 from rotorid.data.base import Immutable
-from rotorid.errors import UsageError
 from rotorid.settings.option import Option
 
 
@@ -54,10 +53,6 @@ class LabSettings(Immutable):
 
 
 def _word_in(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8").strip()
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "it is not text"
-        raise UsageError(
-            f"the token in {file} cannot be read: {why}", needed="a file that contains only the token"
-        ) from None
+    from rotorid.io.documents import read_text
+
+    return read_text(file, needed="a file that contains only the token").strip()

@@ -14,9 +14,10 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rotorid.errors import UsageError
-from rotorid.io.documents import parse_toml, toml_text
+from rotorid.io.documents import parse_toml, read_text, toml_text
 
 SCHEMA: Final = "rotorid.project/1"
+_NEEDED = "a project file of rotorid lab"
 
 MOST_STEPS = 100
 """Steps that a project may have."""
@@ -225,12 +226,9 @@ def read_project(path: Path) -> Project:
         It cannot be read, or holds something else.
     """
     try:
-        if path.stat().st_size > 1 << 20:
-            raise UsageError(f"{path.name} is larger than a project file", needed="at most 1 MiB")
-        return Project.model_validate(parse_toml(path.read_text(encoding="utf-8")))
+        return Project.model_validate(parse_toml(read_text(path, needed=_NEEDED)))
     except ValidationError as error:
         wrong = first_wrong(error.errors())
-        raise UsageError(f"{path.name}: {wrong}", needed="a project file of rotorid lab") from None
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or re.sub(r"\s+", " ", str(error))
-        raise UsageError(f"{path.name} cannot be read: {why}", needed="a project file of rotorid lab") from None
+        raise UsageError(f"{path.name}: {wrong}", needed=_NEEDED) from None
+    except ValueError as error:
+        raise UsageError(f"{path.name} cannot be read: {' '.join(str(error).split())}", needed=_NEEDED) from None

@@ -21,8 +21,8 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
-from rotorid.errors import InsufficientDataError, LogError, UsageError, nearest_name
-from rotorid.io.documents import require_file
+from rotorid.errors import InsufficientDataError, UsageError, nearest_name
+from rotorid.io.documents import read_bytes
 from rotorid.models.autopilots import betaflight
 from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
@@ -186,18 +186,7 @@ def load_gains(path: Path | str) -> GainFile:
         There is no such file, it is too large, or it contains no gains.
     """
     place = Path(path)
-    try:
-        require_file(place)
-        with place.open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
-    except LogError as error:
-        raise UsageError(error.came, needed="a file of gains", remedy=error.remedy) from None
-    except OSError as error:
-        raise UsageError(f"{place} cannot be read: {error.strerror or error}", needed="a file of gains") from error
-    if len(data) > LARGEST_BYTES:
-        raise UsageError(
-            f"{place.name} is too large for a file of gains", needed=f"{LARGEST_BYTES // 10**6} MB at most"
-        )
+    data = read_bytes(place, needed="a file of gains", most_bytes=LARGEST_BYTES)
     return read_gains(
         data.decode("utf-8", errors="replace"), name=place.name, include=partial(_included_preset, place.resolve())
     )
@@ -210,8 +199,9 @@ def _included_preset(place: Path, named: str) -> str:
     """The content of a preset by its path in the collection that the including preset is part of."""
     for folder in place.parents if _PRESET_FILE.fullmatch(named) else ():
         file = (folder / named).resolve()
-        if file.is_relative_to(folder) and file.is_file() and file.stat().st_size <= LARGEST_BYTES:
-            return file.read_bytes().decode("utf-8", errors="replace")
+        if file.is_relative_to(folder) and file.is_file():
+            content = read_bytes(file, needed="a preset", most_bytes=LARGEST_BYTES)
+            return content.decode("utf-8", errors="replace")
     raise UsageError(
         f"{place.name} includes {named}, which is not there",
         needed="all lines of the preset",

@@ -25,6 +25,7 @@ FORMAT = "Parquet"
 
 _MAGIC = b"PAR1"
 _SAMPLE_BYTES = 8
+_MOST_METADATA = 200
 _LONGEST_THRIFT = (1 << 31) - 1
 
 
@@ -72,12 +73,12 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
     ----------
     options
         ``names``: the columns to bring back, of which those that exist are read; when none is given, all whose name,
-        without its unit, is of the vocabulary.
+        without its unit, is of the vocabulary. ``metadata``: a key, whose text is all that is brought back.
 
     Returns
     -------
     Extract
-        Arrays by column name, shape ``(rows,)``, and the fact ``columns``: the names of all.
+        Arrays by column name, shape ``(rows,)``, and the fact ``columns``: the names of all; or ``metadata`` alone.
     """
     try:
         import pyarrow
@@ -93,6 +94,9 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
     longest = min(size_bytes, _LONGEST_THRIFT)
     try:
         with parquet.ParquetFile(path, thrift_string_size_limit=longest, thrift_container_size_limit=longest) as table:
+            if "metadata" in options:
+                said = (table.metadata.metadata or {}).get(options["metadata"].encode(), b"")
+                return Extract(arrays={}, facts={"metadata": said[:_MOST_METADATA].decode(errors="replace")})
             names = [table.schema.column(index).path for index in range(len(table.schema))]
             wanted = _wanted(options["names"], names, path.name)
             _check_size(table, [names.index(name) for name in wanted], size_bytes, path.name)
