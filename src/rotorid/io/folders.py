@@ -160,8 +160,11 @@ def target_folder(out: Path | None, default: Path, kind: ResultKind, *, force: b
     elif folder.is_dir():
         clear_leftovers(folder)
     _require_writable(folder, target)
-    if not force and not target.numbered:
-        _refuse_foreign(folder, target, _in_the_way(folder, kind, ()))
+    if not force and not target.numbered and (taken := _in_the_way(folder, kind, ())):
+        # What looks foreign may be half of the set that another run is putting there.
+        with _one_at_a_time(folder if _stays(folder) else folder.parent):
+            taken = _in_the_way(folder, kind, ())
+        _refuse_foreign(folder, target, taken)
     return target
 
 

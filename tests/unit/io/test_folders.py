@@ -263,3 +263,26 @@ def test_runs_killed_at_random_moments_leave_whole_sets(tmp_path: Path, *, insid
 @pytest.mark.parametrize("inside", [False, True])
 def test_many_runs_killed_at_random_moments_leave_whole_sets(tmp_path: Path, *, inside: bool) -> None:
     killed(tmp_path, 100, inside=inside)
+
+
+@UNIX
+def test_a_run_is_no_stranger_to_another_that_puts_its_set_down(tmp_path: Path) -> None:
+    """Two runs of one command into one folder: what one finds while the other moves its files in is nobody else's."""
+    out = tmp_path / "out"
+    write(out, 1)
+    main = (out / "set.json").read_text()
+    stamp = (out / "set.json").stat()
+    found: list[Target] = []
+
+    def ask() -> None:
+        found.append(target_folder(out, out, LISTED))
+
+    other = threading.Thread(target=ask)
+    with folders._one_at_a_time(tmp_path):
+        (out / "set.json").unlink()
+        other.start()
+        time.sleep(0.05)
+        (out / "set.json").write_text(main)
+        os.utime(out / "set.json", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    other.join()
+    assert found
