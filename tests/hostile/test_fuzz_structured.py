@@ -1,7 +1,8 @@
 """Every reader and every document against inputs with a sound structure and hostile contents.
 
-200 of each format in every run, 2000 under ``-m slow``, made by one seed: no traceback, nothing that takes 20 s, no
-more than 1 GiB, an error that says what came, what was needed and what to do, no control on the console or in the JSON.
+100 of each format (200 of ROS and of documents) in every run, 2000 under ``-m slow``, made by one seed: no traceback,
+nothing that takes 20 s, no more than 1 GiB, an error that says what came, what was needed and what to do, no control on
+the console or in the JSON.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import pytest
 from scipy.signal import lfilter
 from tests.hostile.damage import ROOT, hang_limit
 from tests.hostile.structured import BUILDERS, EXTREMES, ODD, spoiled, twisted
-from tests.hostile.test_documents import JSON, TOML
+from tests.hostile.test_documents import JSON, OTHERS, TOML
 
 import rotorid
 from rotorid.documents.base import to_json
@@ -30,6 +31,7 @@ from rotorid.documents.result import save
 from rotorid.documents.vehicle import vehicle_toml
 from rotorid.errors import RotoridError
 from rotorid.excitation.plan import planned, sequence
+from rotorid.fleets.table import Failed, Journal, LogAnswer, Row, sorted_failures, sorted_rows
 from rotorid.io.tables.csv import write_csv
 from rotorid.settings.parsing import parse_segment
 from rotorid.vehicles.catalog import VEHICLES
@@ -114,6 +116,13 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 LAYOUT = '[[rotor]]\nposition_m = [0.1, 0.12, 0.0]\nspin = "ccw"\n[[rotor]]\nposition_m = [-0.1, 0.1, 0]\nspin = "cw"\n'
 CONTROLLERS = '[pitch]\nproportional_s = 0.15\nintegral = 0.2\nangle_1_s = 6.0\nsetpoint = "theta_setpoint"\n'
+PROJECT = (
+    'schema = "rotorid.project/1"\nlogs = ["flight.csv"]\n[[steps]]\ncommand = "identify"\nlogs = [1]\n'
+    'model = "rate.roll"\nsegments = [{ axis = "roll", start_s = 0.0, stop_s = 60.0 }]\n'
+)
+PREFERENCES = 'theme = "dark"\nfrequency = "hz"\nout = "results"\n'
+VEHICLES_CSV = 'log,vehicle,time,group\na.csv,one,2026-01-01,x\n"b,c.csv",two,,\n'
+GAINS = "# Onboard parameters\n1\t1\tMC_ROLLRATE_P\t0.15\t9\n1\t1\tMC_ROLLRATE_I\t0.2\t9\n"
 
 
 def text_of(name: str, sound: Path) -> str:
@@ -123,7 +132,13 @@ def text_of(name: str, sound: Path) -> str:
         return (sound / "model.toml").read_text()
     if name == "vehicle":
         return vehicle_toml(VEHICLES["x500"])
-    return {"layout": LAYOUT, "mapping": MAPPING.decode(), "controllers": CONTROLLERS}[name]
+    return {
+        "layout": LAYOUT,
+        "mapping": MAPPING.decode(),
+        "controllers": CONTROLLERS,
+        "project": PROJECT,
+        "preferences": PREFERENCES,
+    }[name]
 
 
 def changed_text(chance: random.Random, text: str) -> bytes:
@@ -171,6 +186,55 @@ def compared(path: Path) -> object:
 
     entries = read_results([path, path.with_name("other.json")])
     return to_json(compare_document(compare(entries)))
+
+
+def journal(folder: Path) -> bytes:
+    """A journal of two logs, as a run writes it."""
+    row = Row(
+        **dict.fromkeys(("log", "log_sha256", "vehicle", "time_utc", "model", "parameter", "unit"), "a"),
+        **dict.fromkeys(("findings", "format", "firmware", "settings"), "b"),
+        **dict.fromkeys(("value", "std", "std_random", "lower", "upper"), 0.5),  # type: ignore[arg-type]
+        flight=1,
+    )
+    failed = Failed(log="a", log_sha256="a", vehicle="v", flight=1, model="m", kind="refused", reason="r")
+    whole = Journal(folder / "whole.journal")
+    for name in "ab":
+        whole.add(
+            LogAnswer(log=name, place=name, mark="1-1", log_sha256=name, settings="0", rows=(row,), failed=(failed,))
+        )
+    return whole.path.read_bytes()
+
+
+def taken_in(path: Path) -> object:
+    """All that a run does with the journal of an earlier one."""
+    known = Journal(path)
+    known.read()
+    answers = list(known.answers.values())
+    return sorted_rows(answers), sorted_failures(answers), [answer.as_json() for answer in answers]
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["journal", "salt", "vehicles", "gains"])
+def test_hostile_documents_of_other_kinds(name: str, count: int, tmp_path: Path) -> None:
+    whole = {
+        "journal": lambda: journal(tmp_path),
+        "salt": lambda: b"0123456789abcdef" * 2,
+        "vehicles": VEHICLES_CSV.encode,
+        "gains": GAINS.encode,
+    }[name]()
+    read = taken_in if name == "journal" else OTHERS[name]
+    path = tmp_path / "x.params"
+    found = []
+    for number in range(count):
+        chance = random.Random(f"{name} {number}")
+        if name == "journal" and number % 2:
+            head, *lines = whole.splitlines()
+            twisted_lines = [json.dumps(twisted(chance, json.loads(line))).encode() for line in lines]
+            path.write_bytes(b"\n".join([head, *twisted_lines, b""]))
+        else:
+            path.write_bytes(spoiled(chance, whole, (b",", b'"', b"\n", b"inf", "\u2460".encode(), b"\xff")))
+        found += [f"{number}: {wrong}" for wrong in [wrong_with(read, path)] if wrong]
+    assert found == []
 
 
 READ_JSON: Mapping[str, Callable[[Path], object]] = MappingProxyType({**JSON, "compared": compared})

@@ -15,13 +15,16 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from tests.hostile.damage import hang_limit
 from tests.unit.cli.commands import Ran, rotorid
 
 from rotorid.data.display import HIDDEN
 from rotorid.data.flight_plan import FlightPlan
+from rotorid.errors import LogError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.io.tables.csv import write_csv
+from rotorid.io.tables.matlab import extract
 from rotorid.plans.csv import plan_csv
 
 STAMPS = [round(0.004 * k, 4) for k in range(3000)]
@@ -69,6 +72,13 @@ CASES: Mapping[str, tuple[Callable[[Path], object], int, str]] = MappingProxyTyp
         ),
         "a shape of many digits": (npz, 2, "header of time.npy is damaged"),
         "erased memory": (lambda path: path.write_bytes(ERASED), 2, "expected "),
+        "a header that does not end": (
+            lambda path: path.write_bytes(
+                ERASED.replace(b"H looptime", b"".join(b"H a%d:1\n" % k for k in range(20_000)) + b"H looptime")
+            ),
+            2,
+            "more than 20000 lines",
+        ),
         "a header that colors the terminal": (
             lambda path: path.write_bytes(b"time [s],\x1b]0;owned\x07\x1b[31mevil [furlong]\n0,1\n1,2\n"),
             2,
@@ -143,3 +153,12 @@ def test_no_cell_of_a_table_is_computed_by_a_spreadsheet(name: str, tmp_path: Pa
                 float(cell or "0")
             except ValueError:
                 assert cell[:1].isalpha(), cell
+
+
+def test_arrays_by_the_thousand_are_no_channels(tmp_path: Path) -> None:
+    """Unless somebody names those that are wanted."""
+    path = tmp_path / "flight.mat"
+    savemat(path, {f"v{number}": np.zeros(1) for number in range(5001)})
+    with pytest.raises(LogError, match=r"has 5001 arrays; expected at most 5000"):
+        extract(path, {"names": []})
+    assert extract(path, {"names": ["v7"]}).arrays.keys() == {"v7"}

@@ -117,6 +117,7 @@ class Flight:
 
 _LONGEST_LINE = 4096
 _MOST_FIELDS = 128
+_MOST_LINES = 20_000
 _LONGEST_QUOTE = 200
 LARGEST_CADENCE = 65_535
 _MOST_PREDICTED = 8
@@ -364,11 +365,13 @@ def parse_header(data: bytes) -> Header:
         The header does not say how to read the frames, or contradicts itself.
     """
     values: dict[str, str] = {}
-    at = 0
+    at = lines = 0
     while data.startswith(b"H ", at):
         end = data.find(b"\n", at, at + _LONGEST_LINE)
         if end < 0:
             break
+        if (lines := lines + 1) > _MOST_LINES:
+            raise _contradiction(f"it has more than {_MOST_LINES} lines")
         name, colon, value = data[at + 2 : end].decode("latin-1").rstrip("\r").partition(":")
         if colon:
             values.setdefault(name.strip(), value.strip())

@@ -81,6 +81,12 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
     names = options["names"]
     if names and arrays.keys() >= set(names):
         arrays = {name: arrays[name] for name in names}
+    if len(arrays) > _MOST_ARRAYS:
+        raise LogError(
+            f"{path.name} has {len(arrays)} arrays",
+            needed=f"at most {_MOST_ARRAYS}",
+            remedy="save the needed ones only",
+        )
     return Extract(arrays=arrays, facts={})
 
 
@@ -114,6 +120,7 @@ MAGICS = (b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n\x1a\n")
 
 _DEEPEST = 16
 _MOST_CELLS = 1000
+_MOST_ARRAYS = 5000
 _OLDER = "in MATLAB, load it and save it again with `save(NAME, '-v7')`"
 
 
