@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import glob
 import hashlib
-import os
 import shutil
 import zipfile
 import zlib
@@ -306,6 +305,6 @@ def fetched(place: Place) -> Iterator[Path]:
         # KeyError: the member is gone. RuntimeError: it is encrypted. NotImplementedError: a method unknown to zipfile.
         except (OSError, KeyError, ValueError, zipfile.BadZipFile, RuntimeError, NotImplementedError) as error:
             if is_of_place(error):
-                raise UnreachableError(f"{place.name} cannot be unpacked: {os.strerror(error.errno)}") from error
+                raise UnreachableError(f"{place.name} cannot be unpacked: {error.strerror}") from error
             raise LogError(f"{place.name} cannot be unpacked: {error}", needed="an undamaged archive") from error
         yield copy

@@ -326,7 +326,8 @@ def _main_document(path: Path) -> Mapping[str, Any]:
         except UsageError as error:
             raise ValueError(str(error)) from error
         return {"schema": "rotorid.fleet"}
-    return read_json(path)
+    document: Mapping[str, Any] = read_json(path)
+    return document
 
 
 RESULT = ResultKind(

@@ -9,10 +9,50 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 MOST_OPEN = 200
 """Connections that may be open at a time."""
 
+ACCEPTED_AT_ONCE = 50
+"""Connections that are taken in between two looks at what was sent, so that none must go before it is read."""
+
+_NEW_S = 1.0
+"""A client that has been let in is given as long to say anything."""
+
 HEAD_S, PAUSE_S = 10.0, 30.0
 """Time for the head of a request, and longest pause of a body or a reader."""
 
 _Phase: TypeAlias = Literal["head", "body", "rest"] | None
+
+
+class Room:
+    """The connections of a server by peer, those that were silent longest first."""
+
+    def __init__(self) -> None:
+        self._peers: dict[str, dict[PromptProtocol, None]] = {}
+        self._count = 0
+
+    def enter(self, connection: "PromptProtocol") -> None:
+        """Take one in; where there are too many, the peer with the most loses the one that can best be spared."""
+        self._peers.setdefault(connection.peer, {})[connection] = None
+        self._count += 1
+        if self._count > MOST_OPEN:
+            most = max(self._peers, key=lambda peer: len(self._peers[peer]))
+            spared = min(self._peers[most], key=lambda one: one.standing)
+            self.leave(spared)
+            spared.transport.abort()
+
+    def heard(self, connection: "PromptProtocol") -> None:
+        """Something came."""
+        own = self._peers.get(connection.peer, {})
+        if connection in own:
+            del own[connection]
+            own[connection] = None
+
+    def leave(self, connection: "PromptProtocol") -> None:
+        """It is gone."""
+        own = self._peers.get(connection.peer, {})
+        if connection in own:
+            del own[connection]
+            self._count -= 1
+            if not own:
+                del self._peers[connection.peer]
 
 
 class PromptProtocol(H11Protocol):
@@ -20,13 +60,21 @@ class PromptProtocol(H11Protocol):
 
     A request has ``HEAD_S`` until its head is there, and the rest of a body that was answered already as long. A body
     that is taken in, and a reader of an answer, may pause for ``PAUSE_S``. Where more than ``MOST_OPEN`` connections
-    are open, the one goes that has waited longest for its request.
+    are open, the peer with the most loses one: the one that was silent longest of those without a request, else of
+    those whose body is awaited.
+
+    Parameters
+    ----------
+    room
+        Of all connections of the server.
     """
 
-    def __init__(self, *given: Any, **named: Any) -> None:
+    def __init__(self, *given: Any, room: Room, **named: Any) -> None:
         super().__init__(*given, **named)
+        self.peer, self.heard = "", False
+        self._made_s = 0.0
+        self._room = room
         self._phase: _Phase = None
-        self._since_s = 0.0
         self._answered = False
         self._due: asyncio.TimerHandle | None = None
         self._unread: asyncio.TimerHandle | None = None
@@ -34,20 +82,23 @@ class PromptProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Make room, and start the clock."""
         super().connection_made(transport)
-        self._since_s = self.loop.time()
+        self.peer = self.client[0] if self.client else ""
+        self._made_s = self.loop.time()
         self._watch()
-        others = [
-            h11_protocol
-            for h11_protocol in self.connections
-            if isinstance(h11_protocol, PromptProtocol) and not h11_protocol.transport.is_closing()
-        ]
-        if len(others) > MOST_OPEN:
-            waiting = [connection for connection in others if connection.conn.their_state is h11.IDLE]
-            min(waiting, key=lambda connection: connection._since_s).transport.abort()
+        self._room.enter(self)
+
+    @property
+    def standing(self) -> int:
+        """How well it can be spared: 0 without a request, 1 while its body comes, 2 as it is new, 3 while answered."""
+        state = self.conn.their_state
+        if state is h11.IDLE:
+            return 2 if not self.heard and self.loop.time() - self._made_s < _NEW_S else 0
+        return 1 if state is h11.SEND_BODY else 3
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the clocks."""
         super().connection_lost(exc)
+        self._room.leave(self)
         for clock in (self._due, self._unread):
             if clock is not None:
                 clock.cancel()
@@ -55,6 +106,8 @@ class PromptProtocol(H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Look at the clock with every part that comes."""
         super().data_received(data)
+        self.heard = True
+        self._room.heard(self)
         self._watch()
 
     def on_response_complete(self) -> None:

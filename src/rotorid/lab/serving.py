@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 TOKEN_SIGNS = 20
 _HTTP_PORT = 80
+_QUEUE = 2048
 _SNAPS = Path("/snap")
 
 
@@ -174,14 +176,24 @@ def server_of(app: "ASGIApp") -> "uvicorn.Server":
     """A server for an application, whose slow clients hold up nobody."""
     import uvicorn
 
-    from rotorid.lab.connections import PromptProtocol
+    from rotorid.lab.connections import ACCEPTED_AT_ONCE, PromptProtocol, Room
 
     config = uvicorn.Config(
-        app, http=PromptProtocol, ws="none", lifespan="off", log_level="critical", access_log=False,
-        timeout_graceful_shutdown=1, server_header=False, proxy_headers=False,
+        app, http=partial(PromptProtocol, room=Room()), ws="none", lifespan="off", log_level="critical",  # type: ignore[arg-type]
+        access_log=False, timeout_graceful_shutdown=1, server_header=False, proxy_headers=False,
+        backlog=ACCEPTED_AT_ONCE,
     )  # fmt: skip
     server = uvicorn.Server(config)
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
+    begin = server.startup
+
+    async def startup(sockets: list[socket.socket] | None = None) -> None:
+        await begin(sockets)
+        # Whoever is not taken in at once waits in the system's queue: where it is full, clients try again in seconds.
+        for listening in sockets or ():
+            listening.listen(_QUEUE)
+
+    server.startup = startup  # type: ignore[method-assign]
     return server
 
 

@@ -57,8 +57,8 @@ def _answers(port: int) -> bool:
     return bool(httpx.get(f"http://127.0.0.1:{port}/api/state", headers=headers, timeout=5.0).status_code == 200)
 
 
-def _connected(port: int, text: str) -> socket.socket:
-    made = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+def _connected(port: int, text: str, source: str = "127.0.0.1") -> socket.socket:
+    made = socket.create_connection(("127.0.0.1", port), timeout=5.0, source_address=(source, 0))
     made.sendall(text.replace("{port}", str(port)).encode())
     return made
 
@@ -124,6 +124,63 @@ def test_many_strangers_do_not_keep_the_page_from_anybody(port: int, monkeypatch
         with pytest.raises(BlockingIOError):
             held[-1].recv(1)
     finally:
+        for one in held:
+            one.close()
+
+
+def _is_open(one: socket.socket) -> bool:
+    one.setblocking(False)
+    try:
+        return bool(one.recv(1))
+    except BlockingIOError:
+        return True
+    except ConnectionError:
+        return False
+
+
+def test_standing_uploads_do_not_use_up_all_connections(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MOST_OPEN", 20)
+    head = "POST /api/upload?name=a{}.ulg HTTP/1.1\r\nHost: 127.0.0.1:{{port}}\r\n" + COOKIE
+    held = [_connected(port, head.format(k) + "Content-Length: 50\r\n\r\nhalf") for k in range(30)]
+    try:
+        for _ in range(3):
+            assert _answers(port)
+        assert all(_is_closed(one) for one in held[:10])
+        assert _is_open(held[-1])
+    finally:
+        for one in held:
+            one.close()
+
+
+def test_the_limit_is_that_of_each_peer(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "MOST_OPEN", 20)
+    half = "GET / HTTP/1.1\r\nHost: "
+    try:
+        own = [_connected(port, half, "127.0.0.2") for _ in range(5)]
+    except OSError:
+        pytest.skip("this system has one address of its own only")
+    held = [_connected(port, half) for _ in range(60)]
+    try:
+        assert _answers(port)
+        assert all(map(_is_open, own))
+    finally:
+        for one in (*own, *held):
+            one.close()
+
+
+def test_good_requests_get_through_a_flood(port: int) -> None:
+    """Strangers come faster than they can be sent away; what was accepted is read before it must make room."""
+    held: list[socket.socket] = []
+
+    def flood() -> None:
+        held.extend(_connected(port, "GET / HTTP/1.1\r\nHost: ") for _ in range(300))
+
+    stranger = threading.Thread(target=flood)
+    stranger.start()
+    try:
+        assert all(_answers(port) for _ in range(8))
+    finally:
+        stranger.join()
         for one in held:
             one.close()
 
