@@ -124,7 +124,7 @@ class TargetSettings(Immutable):
         str,
         Option(
             "--to",
-            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, rl-tools (l2f, RAPTOR), crazyflow, "
+            "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, rl-tools (l2f, RAPTOR), crazyflow, pyflyt, "
             "allocation (ArduPilot, Betaflight, PX4), "
             "matlab (Simulink, Octave), control (python-control), fmu (Simulink, Modelica) or json.",
             "What is written",

@@ -29,7 +29,7 @@ class Target(Immutable):
     lag
         Whether its motors have a lag, to which a delay can be added.
     together
-        Whether drawn vehicles are in one file, by the function ``together`` of its module.
+        Whether drawn vehicles are written for one loader, by the function ``together`` of its module.
     """
 
     name: str
@@ -58,6 +58,7 @@ TARGETS: Mapping[str, Target] = {
         Target(
             name="crazyflow", summary="crazyflow and drone-models: a section of TOML", module="crazyflow", together=True
         ),
+        Target(name="pyflyt", summary="PyFlyt: a folder with URDF and YAML", module="pyflyt", together=True),
         Target(
             name="allocation",
             summary="Motor factors for ArduPilot (Lua), Betaflight (mmix) and PX4 (CA_ROTOR)",

@@ -169,20 +169,27 @@ def _urdf(
     shape = f'<geometry><cylinder radius="{arm:.4g}" length="{0.3 * arm:.4g}"/></geometry>'
     origin = '<origin rpy="0 0 0" xyz="0 0 0"/>'
     lines = ['<?xml version="1.0" ?>', *xml_comment(head), f'<robot name="{name}">', f"  <properties {values}/>"]
-    lines += ['  <link name="base_link">', *_inertial(model.mass_kg, model.inertia_kg_m2, np.zeros(3))]
+    lines += ['  <link name="base_link">', *inertial_lines(model.mass_kg, model.inertia_kg_m2, np.zeros(3))]
     grey = '<material name="grey"><color rgba=".5 .5 .5 1"/></material>'
     lines += [f"    <visual>{origin}{shape}{grey}</visual>", f"    <collision>{origin}{shape}</collision>", "  </link>"]
-    hubs = model.hubs_m[list(rotors.order)]
-    for link, place in [*((f"prop{i}", hub) for i, hub in enumerate(hubs)), ("center_of_mass", np.zeros(3))]:
-        lines += [f'  <link name="{link}_link">', *_inertial(0.0, np.zeros((3, 3)), place), "  </link>"]
-        lines += [f'  <joint name="{link}_joint" type="fixed">', '    <parent link="base_link"/>']
-        lines += [f'    <child link="{link}_link"/>', "  </joint>"]
+    lines += massless_links(model.hubs_m[list(rotors.order)], "center_of_mass")
     return "\n".join([*lines, "</robot>"]) + "\n"
 
 
-def _inertial(mass: float, inertia: FloatArray, place: FloatArray) -> list[str]:
-    # Its reader takes the diagonal, and PyBullet no products.
-    tensor = " ".join(f'{name}="{inertia[at]:.9g}"' for name, at in _ENTRIES.items())
+def massless_links(hubs_m: FloatArray, center: str) -> list[str]:
+    """Links of the rotors, and one at the center of gravity, by whose order their readers know them."""
+    lines: list[str] = []
+    for link, place in [*((f"prop{i}", hub) for i, hub in enumerate(hubs_m)), (center, np.zeros(3))]:
+        lines += [f'  <link name="{link}_link">', *inertial_lines(0.0, np.zeros((3, 3)), place), "  </link>"]
+        lines += [f'  <joint name="{link}_joint" type="fixed">', '    <parent link="base_link"/>']
+        lines += [f'    <child link="{link}_link"/>', "  </joint>"]
+    return lines
+
+
+def inertial_lines(mass: float, inertia: FloatArray, place: FloatArray) -> list[str]:
+    """Mass, inertia and place of a link."""
+    # With products PyBullet turns the axes of the body to the principal ones, by which its readers fly then.
+    tensor = " ".join(f'{name}="{inertia[i, j] if i == j else 0.0:.9g}"' for name, (i, j) in _ENTRIES.items())
     where = " ".join(f"{float(value) + 0.0:.9g}" for value in place)
     return [
         "    <inertial>",
@@ -236,11 +243,7 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
         lag_s=None,
         output=float(model.output(math.sqrt(model.mass_kg * _GRAVITY_M_S2 / (4.0 * model.thrust)))),
     )
-    fidelities: dict[str, Fidelity] = dict.fromkeys(("L_p", "M_q", "N_r", "M_u", "L_v"), "not")
-    if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        fidelities |= dict.fromkeys((ROLL, PITCH, YAW, "X_u", "Y_v"), "approximated")
-    if np.ptp(shares) > _ROUNDING:
-        fidelities |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
+    fidelities = bullet_fidelities(body)
     across = {vehicle.numbers[name].value for name in ("X_u", "Y_v") if name in vehicle.numbers}
     if len(across) > 1 or not model.drag:
         fidelities |= dict.fromkeys(("X_u", "Y_v"), "approximated")
@@ -255,6 +258,16 @@ def _compared(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
     )
 
 
+def bullet_fidelities(body: Multirotor) -> dict[str, Fidelity]:
+    """How PyBullet holds a vehicle: without moments by motion, on a diagonal inertia, with one hover of all rotors."""
+    fidelities: dict[str, Fidelity] = dict.fromkeys(("L_p", "M_q", "N_r", "M_u", "L_v"), "not")
+    if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
+        fidelities |= dict.fromkeys((ROLL, PITCH, YAW, "X_u", "Y_v"), "approximated")
+    if np.ptp(body.hover_shares) > _ROUNDING:
+        fidelities |= dict.fromkeys((VERTICAL, ROLL, PITCH, YAW, HOVER), "approximated")
+    return fidelities
+
+
 def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rotors: Arranged) -> list[str]:
     remarks = []
     if rotors.mirrored:
@@ -266,7 +279,7 @@ def _left_out(vehicle: JoinedVehicle, body: Multirotor, model: SpeedVehicle, rot
     remarks.append("There is no damping of rates and no moment by velocity; drag needs Physics.PYB_DRAG.")
     remarks += lost_air(vehicle)
     if np.any(body.inertia_kg_m2[np.triu_indices(3, 1)]):
-        remarks.append("Products of inertia are in the file, but its reader uses the diagonal only.")
+        remarks.append("Products of inertia are left out: PyBullet would turn the axes of the body.")
     full = model.thrust * model.fastest_rad_s**2
     remarks += full_thrust_words("a square of the speed", full, body.rotors.thrust_at(1.0))
     return remarks

@@ -83,6 +83,7 @@ class Step(BaseModel):
         "urdf",
         "rl-tools",
         "crazyflow",
+        "pyflyt",
         "allocation",
         "matlab",
         "control",

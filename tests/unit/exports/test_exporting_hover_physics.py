@@ -9,7 +9,7 @@ from rotorid.exports.exporting import export
 from rotorid.flying.vehicle_from_results import joined_vehicle
 from rotorid.simulation.linearization import hover_derivatives_of, hover_slopes
 
-SIMULATORS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "rl-tools", "crazyflow")
+SIMULATORS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "rl-tools", "crazyflow", "pyflyt")
 ROUNDED = 5e-4
 
 

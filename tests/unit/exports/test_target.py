@@ -50,7 +50,18 @@ def test_names_that_are_none(name: str) -> None:
 
 def test_targets_are_all_there() -> None:
     assert set(TARGETS) == {
-        *("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "allocation", "rl-tools", "crazyflow"),
+        *(
+            "px4-sih",
+            "ardupilot",
+            "gazebo",
+            "mujoco",
+            "rotorpy",
+            "urdf",
+            "allocation",
+            "rl-tools",
+            "crazyflow",
+            "pyflyt",
+        ),
         *("matlab", "control", "fmu", "json"),
     }
 
