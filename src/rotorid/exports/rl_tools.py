@@ -96,10 +96,9 @@ def together(drawn: Sequence[Exported], name: str) -> DrawnFiles:
 _START = """\
 import json, l2f
 from pathlib import Path
-device, rng = l2f.Device(), l2f.RNG()
-environment, parameters = l2f.Environment(), l2f.Parameters()
+device, environment, parameters = l2f.Device(), l2f.Environment(), l2f.Parameters()
 l2f.initialize_environment(device, environment)
-l2f.sample_initial_parameters(device, environment, parameters, rng)
+l2f.initial_parameters(device, environment, parameters)
 values = json.loads(l2f.parameters_to_json(device, environment, parameters))
 values["dynamics"] = {read}
 l2f.parameters_from_json(device, environment, json.dumps(values), parameters)"""

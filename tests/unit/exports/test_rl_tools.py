@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.unit.exports.flown import flown
-from tests.unit.exports.motion import STEP_S, doublet, inequality, own
+from tests.unit.exports.motion import STEP_S, doublet, inequality, named, own
 from tests.unit.exports.vehicles import SIH, asymmetric, second, sih
 
 from rotorid.errors import ModelError, UsageError
@@ -19,6 +19,8 @@ from rotorid.models.rotors import library_layout
 from rotorid.typing import FloatArray
 
 AIRLESS = dict.fromkeys(("X_u", "Y_v", "Z_w", "M_u", "L_v", "L_p", "M_q", "N_r"), 0.0)
+
+VEHICLES = [asymmetric(**AIRLESS, delay=0.0), second(**AIRLESS, T_motor=0.04)]
 
 
 def dynamics_of(exported: Exported) -> dict[str, Any]:
@@ -55,7 +57,7 @@ def simulated(block: dict[str, Any], outputs: FloatArray) -> dict[str, FloatArra
     return flown(accelerations, outputs, lag, STEP_S)
 
 
-@pytest.mark.parametrize("vehicle", [asymmetric(**AIRLESS, delay=0.0), second(**AIRLESS, T_motor=0.04)])
+@pytest.mark.parametrize("vehicle", VEHICLES)
 def test_its_equations_fly_as_ours_do(vehicle: JoinedVehicle) -> None:
     body = vehicle.multirotor
     assert body is not None
@@ -133,3 +135,38 @@ def test_l2f_loads_the_block(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> 
     for key, value in block.items():
         if key != "action_limit":
             np.testing.assert_allclose(scope["read"]["dynamics"][key], value, rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_l2f_flies_as_ours_does(vehicle: JoinedVehicle, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("l2f", reason="l2f is not installed")
+    body = vehicle.multirotor
+    assert body is not None
+    exported = export(vehicle, ExportSettings())
+    exported.write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for axis in range(3):
+        outputs = doublet(body, axis)
+        found = inequality(own(body, outputs), flown_in_l2f(exported.start, outputs))
+        assert max(found.values()) < 0.02, found
+
+
+def flown_in_l2f(start: str, outputs: FloatArray) -> dict[str, FloatArray]:
+    """By the lines that start it, in our steps; its actions are from -1 to 1."""
+    scope: dict[str, Any] = {}
+    exec(
+        start.replace("l2f.parameters_from_json", f'values["integration"]["dt"] = {STEP_S}\nl2f.parameters_from_json'),
+        scope,
+    )
+    l2f, flip = scope["l2f"], np.array([1.0, -1.0, -1.0])
+    place = [scope[name] for name in ("device", "environment", "parameters")]
+    state, following, rng = l2f.State(), l2f.State(), l2f.Rng()
+    l2f.initialize_rng(place[0], rng, 0)
+    l2f.initial_state(*place, state)
+    state.rpm = outputs[0]
+    kept = np.empty((len(outputs), 6))
+    for k, row in enumerate(outputs):
+        l2f.step(*place, state, 2.0 * row - 1.0, following, rng)
+        state.assign(following)
+        kept[k] = [*(flip * state.angular_velocity), *(flip * state.linear_velocity)]
+    return named(kept[:, :3], kept[:, 3:])
