@@ -35,7 +35,7 @@ FULL = {
     "kappa_lambda": 4e-4,
     "k_r": 0.002,
 }
-TARGETS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu")
+TARGETS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "crazyflow")
 DRAG, LIFT = (f"{name} at {LIMITS.edge_m_s[1]:g} m/s" for name in ("drag", "lift gained"))
 
 
@@ -77,7 +77,7 @@ def test_drag_at_speed_is_the_identified_one(target: str) -> None:
     [
         ("gazebo", {"m_s"}),
         ("rotorpy", {"c_lambda", "c_h", "m_f", "d_z"}),
-        *((name, set()) for name in ("px4-sih", "ardupilot", "urdf", "fmu")),
+        *((name, set()) for name in ("px4-sih", "ardupilot", "urdf", "fmu", "rl-tools", "crazyflow", "pyflyt")),
     ],
 )
 def test_what_a_target_lacks_is_named(target: str, kept: set[str]) -> None:
@@ -90,6 +90,12 @@ def test_what_a_target_lacks_is_named(target: str, kept: set[str]) -> None:
 @pytest.mark.parametrize("target", ["json", "matlab", "control", "fmu"])
 def test_a_state_space_is_one_of_hover(target: str) -> None:
     assert [words for words in made(target, flew()).left_out if "linear about hover" in words]
+
+
+def test_a_square_of_speed_meets_the_drag_of_the_fastest_that_flew() -> None:
+    found = rows(made("pyflyt", flew()))
+    assert abs(found[DRAG].difference_percent) < 0.2
+    assert (found[DRAG].held, found["X_u"].held, found[LIFT].held) == ("approximated", "not", "not")
 
 
 def test_lift_at_speed() -> None:
