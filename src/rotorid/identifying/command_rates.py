@@ -107,7 +107,8 @@ def _rate(own: Sequence[Flight], name: str, input: str, output: str, delay: Dela
 def buffered(rates: Sequence[CommandRate]) -> Iterator[Finding]:
     """A warning where commands that come faster are answered later.
 
-    Compared with the mean of all logs at no higher rate than the last one that agrees with the slowest.
+    Compared with the mean of all logs at no higher rate than the last one that agrees with the slowest. A log at a
+    higher rate still that is answered earlier refutes it: something else was late.
 
     Parameters
     ----------
@@ -122,6 +123,8 @@ def buffered(rates: Sequence[CommandRate]) -> Iterator[Finding]:
             late.append(rate)
         elif not late:
             usual.append(rate)
+        elif _later(late[-1], [rate]):
+            return
     if not late:
         return
     mean_s, std_s = _mean(usual)

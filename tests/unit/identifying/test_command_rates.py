@@ -84,3 +84,23 @@ def test_a_delay_within_its_error_is_no_queue() -> None:
     assert list(buffered([near, slow, unknown])) == []
     (said,) = buffered([far, near, slow, unknown])
     assert said.numbers["rate_hz"] == 50.0
+
+
+def test_a_log_that_is_late_between_faster_and_slower_ones_that_are_not_is_no_queue() -> None:
+    on_time = CommandRate(
+        record="slow",
+        input="theta_setpoint",
+        output="theta",
+        rate_hz=50.0,
+        jitter_s=0.0,
+        longest_s=0.02,
+        hold_s=1.0,
+        delay_s=0.06,
+        std_s=0.004,
+    )
+    late = replace(on_time, record="late", rate_hz=71.0, delay_s=0.154)
+    faster = replace(on_time, record="faster", rate_hz=91.0, delay_s=0.065)
+    assert list(buffered([on_time, late]))
+    assert list(buffered([on_time, late, faster])) == []
+    unsure = replace(faster, std_s=0.1)
+    assert list(buffered([on_time, late, unsure]))
