@@ -5,13 +5,14 @@ the flights are in angle mode, where the stick is the instrument, half in acro, 
 the stick; a pilot who brings the vehicle back slowly is part of both. ``tune`` sees the log alone; figures are those on
 the simulator's exact plant.
 
-Run ``python -m benchmarks.freestyle_fleet [FLIGHTS [PROCESSES [FILE]]]``, 40 flights by default. FILE keeps the
-results of each flight, and a second run goes on where the first ended.
+Run ``python -m benchmarks.freestyle_fleet [FLIGHTS [PROCESSES]] [--first NUMBER] [--file FILE]``, 40 flights by
+default. FILE keeps the results of each flight, so that a second run goes on where the first ended; flights from number
+40 on were looked at by nobody while ``tune`` was written.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -35,6 +36,8 @@ VEHICLES = ("px4_quad", "ardupilot_quad", "betaflight_quad", "x500", "iris")
 AXES: tuple[Axis, ...] = ("roll", "pitch")
 LOG_HZ, DURATION_S = 400.0, 60.0
 MILDER, MILDER_TIMES = 0.6, 6
+HOT_PEAK = 2.0
+"""M_s of flown gains above which less of it is bought with attitude error."""
 
 
 @dataclass
@@ -209,20 +212,42 @@ def table(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
+def table_by_margin(rows: Sequence[Row]) -> list[str]:
+    """Proposals for flown gains with enough margin, and for hotter ones, where margin may cost attitude error."""
+    lines = [
+        "| flown M_s | proposals | less attitude error | its median | M_s flown: median, largest | M_s proposed |",
+        "|---|---|---|---|---|---|",
+    ]
+    changed = [row for row in rows if row.changed]
+    for name, here in {
+        f"≤ {HOT_PEAK:g}": [row for row in changed if row.peaks[0] <= HOT_PEAK],
+        f"> {HOT_PEAK:g}": [row for row in changed if row.peaks[0] > HOT_PEAK],
+    }.items():
+        before, after = ([row.peaks[which] for row in here] or [np.nan] for which in (0, 1))
+        error = np.median([row.better for row in here] or [np.nan])
+        lines.append(
+            f"| {name} | {len(here)} | {sum(row.better < 1.0 for row in here)} of {len(here)} | × {error:.2f} "
+            f"| {np.median(before):.2f}, {max(before):.2f} | {np.median(after):.2f}, {max(after):.2f} |"
+        )
+    return lines
+
+
 def percent(values: Sequence[bool]) -> str:
     """How many are true."""
     return f"{100.0 * float(np.mean(values)):.0f} %" if values else "–"
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Print the table, and each axis."""
-    flights = int(arguments[0]) if arguments else 40
-    processes = int(arguments[1]) if len(arguments) > 1 else 1
-    path = Path(arguments[2]) if len(arguments) > 2 else None
-    rows = [
-        Row(**row) for row in run_tasks([(number,) for number in range(flights)], one, path=path, processes=processes)
-    ]
-    print("\n".join(table(rows)))
+def main() -> None:
+    """Print the tables, and each axis."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.freestyle_fleet")
+    parser.add_argument("flights", nargs="?", type=int, default=40)
+    parser.add_argument("processes", nargs="?", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="number of the first flight")
+    parser.add_argument("--file", type=Path, help="where results are kept")
+    asked = parser.parse_args()
+    tasks: list[Task] = [(number,) for number in range(asked.first, asked.first + asked.flights)]
+    rows = [Row(**row) for row in run_tasks(tasks, one, path=asked.file, processes=asked.processes)]
+    print("\n".join([*table(rows), "", *table_by_margin(rows)]))
     for row in rows:
         print(
             f"{row.flight} {row.vehicle} {row.axis} {'acro' if row.acro else 'angle'}: M_s {row.peaks[0]:.2f} → "
@@ -232,4 +257,4 @@ def main(arguments: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
