@@ -4,8 +4,9 @@ The vehicles, flights and logs are those of :mod:`benchmarks.tuning_fleet`; ever
 Betaflight's cascade, with other inertia and lag of the rotors. Around each axis that a flight shows, gains are changed
 that its vehicle never flew with: P, I, D and A times 0.2 to 5, each alone and all together, D without, filters moved by
 the same factors, a notch on the crossover, and under Betaflight a D that moves between ``d_min`` and D. Every third
-vehicle has a noisy gyro, every third other one a loop gain that grows and falls over the flown throttle. ``judge_axis``
-sees the log alone; the truth is the simulator's exact plant, at both ends of all that moves, and its gyro's noise.
+vehicle has a noisy gyro, with sets of a larger D behind low-passes four times as high, every third other one a loop
+gain that grows and falls over the flown throttle. ``judge_axis`` sees the log alone; the truth is the simulator's exact
+plant, at both ends of all that moves, and its gyro's noise.
 
 Run ``python -m benchmarks.judging_fleet [VEHICLES [PROCESSES]] [--band whole|short] [--first NUMBER] [--file FILE]``,
 60 vehicles of each kind by default. FILE keeps the results of each axis, so that a second run goes on where the first
@@ -66,6 +67,9 @@ BAD_NOISE, GOOD_NOISE = 0.12, 0.08
 NOISE_RAD_S, LOWEST_GAIN, HIGHEST_GAIN = (0.02, 0.4), (0.65, 1.0), (1.0, 1.45)
 """Of a noisy gyro, each sample, and of the loop at both ends of the throttle relative to hover."""
 
+LOUD_D, LOUD_FILTERS = (1.0, 2.0, 3.0, 4.0, 5.0), 4.0
+"""Factors on D and on low-passes of sets that let the noise of a gyro through."""
+
 FILTERS = {
     "px4": ("IMU_DGYRO_CUTOFF", "IMU_GYRO_CUTOFF", "MC_YAW_TQ_CUTOFF"),
     "ardupilot": ("ATC_RAT_{}_FLTD", "ATC_RAT_{}_FLTE", "INS_GYRO_FILTER"),
@@ -97,6 +101,11 @@ class Judgment:
         return self.truth > BAD_PEAK or self.noise > BAD_NOISE
 
     @property
+    def loud(self) -> bool:
+        """Whether noise alone makes it bad."""
+        return self.truth <= BAD_PEAK and self.noise > BAD_NOISE
+
+    @property
     def good(self) -> bool:
         return self.truth < GOOD_PEAK and self.noise < GOOD_NOISE
 
@@ -118,7 +127,7 @@ def gain_range_of(number: int) -> tuple[float, float]:
     return float(rng.uniform(*LOWEST_GAIN)), float(rng.uniform(*HIGHEST_GAIN))
 
 
-def sets_of(known: KnownAxis, kind: str, rng: np.random.Generator) -> list[dict[str, float]]:
+def sets_of(known: KnownAxis, kind: str, rng: np.random.Generator, *, noisy: bool) -> list[dict[str, float]]:
     """Parameters that were not flown, by the names of the log."""
     axis = known.flown.axis
     flown = known.flown.record.parameters
@@ -155,6 +164,10 @@ def sets_of(known: KnownAxis, kind: str, rng: np.random.Generator) -> list[dict[
         if number % 7 == 6:
             values |= {name: 0.0 for name in names if name.endswith("_D")}
         found.append(values)
+    if noisy:
+        higher = {name: LOUD_FILTERS * flown[name] for name in filters}
+        derivative = [name for name in names if name.endswith("_D")]
+        found += [{**higher, **{name: factor * flown[name] for name in derivative}} for factor in LOUD_D]
     return found
 
 
@@ -277,7 +290,8 @@ def one(task: tuple[int, Axis, bool], band: str = "whole") -> list[Judgment]:
             return []
         gains = gain_range_of(number)
         rows = []
-        for values in sets_of(known, craft.autopilot.kind, np.random.default_rng([number, hard, AXES.index(axis)])):
+        rng = np.random.default_rng([number, hard, AXES.index(axis)])
+        for values in sets_of(known, craft.autopilot.kind, rng, noisy=kind_of(number) == "noisy"):
             try:
                 found = judge_axis(axis, known, values, gain_range=gains, advise=False)
             except UsageError:
@@ -313,6 +327,7 @@ def table(rows: Sequence[Judgment]) -> list[str]:
         for hard in (False, True):
             groups[f"{'hard' if hard else 'plain'}, {axis}"] = [r for r in rows if (r.axis, r.hard) == (axis, hard)]
     groups["noisy gyro"] = [row for row in rows if row.kind == "noisy"]
+    groups["bad by noise alone"] = [row for row in rows if row.loud]
     groups["throttle"] = [row for row in rows if row.kind == "throttle"]
     groups["Betaflight"] = [row for row in rows if row.vehicle == "betaflight_quad"]
     groups["moving D"] = [row for row in rows if row.moving]
