@@ -71,13 +71,25 @@ def test_a_log_without_sticks_says_what_it_lacks() -> None:
     assert "no roll stick is logged, nor a set-point that is the stick" in said
 
 
+@pytest.fixture(scope="module")
+def flights() -> list[Row]:
+    """Ten flights of the study."""
+    return [Row(**row) for number in range(10) for row in one((number,))]
+
+
 @pytest.mark.slow
-def test_gains_are_proposed_and_hold_on_the_exact_plant() -> None:
-    """Ten flights of the study: most are tuned, none is destabilized, and gains that were fine hold it better then."""
-    rows = [Row(**row) for number in range(10) for row in one((number,))]
-    tuned = [row for row in rows if row.changed]
-    assert len(tuned) >= 0.7 * len(rows)
+def test_gains_are_proposed_and_hold_on_the_exact_plant(flights: list[Row]) -> None:
+    """Most flights are tuned, none is destabilized, and gains that were fine hold the attitude better then."""
+    tuned = [row for row in flights if row.changed]
+    assert len(tuned) >= 0.7 * len(flights)
     assert max(row.peaks[1] for row in tuned) <= MOST_PEAK
     # Gains that were too hot come down, which a moment moves further.
     assert all(row.better < 1.0 for row in tuned if row.peaks[0] <= SAFE_PEAK)
-    assert np.mean([row.inside for row in rows if not row.refused]) >= 0.9
+    assert np.mean([row.better < 1.0 for row in tuned]) >= 0.8
+    assert np.mean([row.inside for row in flights if not row.refused]) >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(raises=AssertionError, strict=True, reason="less M_s of hot gains costs attitude error")
+def test_new_gains_hold_the_attitude_better_in_nine_of_ten_flights(flights: list[Row]) -> None:
+    assert np.mean([row.better < 1.0 for row in flights if row.changed]) >= 0.9
