@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,15 @@ UNKNOWN = ("betaflight/smooth_tune.BBL", "crazyflie/log10", "everyday/arducopter
 _GAIN = re.compile(r"MC_(ROLL|PITCH|YAW)RATE_[PID]|ATC_RAT_(RLL|PIT|YAW)_[PID]|(roll|pitch|yaw)PID_[PID]|d_min_\d")
 
 
+Read = Callable[[str], FlightRecord]
+
+
+@pytest.fixture(scope="module")
+def read(unpacked: Callable[[str], Path]) -> Read:
+    """Each log read once: it is checked with its own gains and with three sets of others."""
+    return cache(lambda name: rotorid.read(unpacked(name)))
+
+
 def scaled(record: FlightRecord, factor: float) -> FlightRecord:
     """The log with other rate gains among its parameters, flown by the same firmware."""
     parameters = {name: value * factor if _GAIN.fullmatch(name) else value for name, value in record.parameters.items()}
@@ -45,8 +55,8 @@ def scaled(record: FlightRecord, factor: float) -> FlightRecord:
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
-def test_all_readers_agree_and_gains_that_flew_made_the_commands(name: str, unpacked: Callable[[str], Path]) -> None:
-    record = rotorid.read(unpacked(name))
+def test_all_readers_agree_and_gains_that_flew_made_the_commands(name: str, read: Read) -> None:
+    record = read(name)
     for axis, expected in zip(RATE_OF, FLIGHTS[name], strict=True):
         found = readings(record, axis)
         assert found["tune"] is not None
@@ -57,8 +67,8 @@ def test_all_readers_agree_and_gains_that_flew_made_the_commands(name: str, unpa
 
 @pytest.mark.parametrize("name", [name for name in FLIGHTS if set(FLIGHTS[name]) != {"not checked"}])
 @pytest.mark.parametrize("factor", [1.2, 0.8, 2.0])
-def test_other_gains_never_made_the_commands(name: str, factor: float, unpacked: Callable[[str], Path]) -> None:
-    record = rotorid.read(unpacked(name))
+def test_other_gains_never_made_the_commands(name: str, factor: float, read: Read) -> None:
+    record = read(name)
     other = scaled(record, factor)
     for axis, expected in zip(RATE_OF, FLIGHTS[name], strict=True):
         verdict = check_controller(other, axis).verdict
@@ -68,15 +78,15 @@ def test_other_gains_never_made_the_commands(name: str, factor: float, unpacked:
 
 
 @pytest.mark.parametrize("name", UNKNOWN)
-def test_an_unknown_controller_is_none_for_all(name: str, unpacked: Callable[[str], Path]) -> None:
-    record = rotorid.read(unpacked(name))
+def test_an_unknown_controller_is_none_for_all(name: str, read: Read) -> None:
+    record = read(name)
     for axis in RATE_OF:
         assert set(readings(record, axis).values()) == {None}
         assert check_controller(record, axis).verdict == "not checked"
 
 
-def test_betaflight_is_checked_where_its_set_point_is_logged(unpacked: Callable[[str], Path]) -> None:
-    record = rotorid.read(unpacked("everyday/betaflight_431_freestyle.bbl.xz"))
+def test_betaflight_is_checked_where_its_set_point_is_logged(read: Read) -> None:
+    record = read("everyday/betaflight_431_freestyle.bbl.xz")
     check = check_controller(record, "roll")
     assert "p_setpoint" in record.channel_names
     assert check.setpoint == "p_setpoint"
@@ -87,8 +97,8 @@ def test_betaflight_is_checked_where_its_set_point_is_logged(unpacked: Callable[
     assert roll.loop_rate_hz == pytest.approx(4000.0)
 
 
-def test_px4_before_1_12_filters_its_derivative_twice_everywhere(unpacked: Callable[[str], Path]) -> None:
-    record = rotorid.read(unpacked("px4/sample_log_small.ulg"))
+def test_px4_before_1_12_filters_its_derivative_twice_everywhere(read: Read) -> None:
+    record = read("px4/sample_log_small.ulg")
     for found in readings(record, "roll").values():
         assert found is not None
         assert [filter_.kind for filter_ in found.derivative_filters] == ["Butterworth"]
