@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from rotorid.data.record import Status
 from rotorid.io.ardupilot.dataflash_writer import Messages, write_dataflash
 from rotorid.io.ardupilot.status import status_of as ardupilot_status
 from rotorid.io.ardupilot.writer import LAYOUTS
+from rotorid.io.betaflight.status import status_of as betaflight_status
 from rotorid.io.px4.status import status_of as px4_status
 from rotorid.typing import AnyArray
 
@@ -122,3 +125,18 @@ def test_what_lost_events_leave_is_unknown(tmp_path: Path) -> None:
     assert bench.in_air == ()
     silent = _logged(tmp_path / "e.bin")
     assert (silent.armed, silent.in_air) == (None, None)
+
+
+def test_flags_of_betaflight_that_were_logged_late_are_unknown_before() -> None:
+    """The slow frames of a log that began in flight come after its first samples."""
+    header = SimpleNamespace(values={"Firmware revision": "Betaflight 4.5.0"}, firmware=("Betaflight", (4, 5)))
+    flight = SimpleNamespace(
+        header=header,
+        slow_fields=("flightModeFlags",),
+        fields=("motor[2]",),
+        slow_field=lambda _: np.array([1, 0]),
+        slow_time_s=np.array([14.0, 50.0]),
+        time_s=np.array([10.0, 60.0]),
+    )
+    status = betaflight_status([cast("Any", flight)])
+    assert (status.unlogged, status.armed) == (((10.0, 14.0),), ((14.0, 50.0),))
