@@ -77,7 +77,13 @@ def written(clocks: Mapping[str, FloatArray], folder: Path) -> Path:
 @pytest.mark.parametrize("clocks", [CLOCKS, SPREAD], ids=["too fast", "too long"])
 def test_no_clock_takes_more_memory_than_the_libraries_do(clocks: Mapping[str, FloatArray], tmp_path: Path) -> None:
     folder = written(clocks, tmp_path / "logs")
-    commands = ["inspect --json", "review", "identify --model rate.roll --json"]
+    commands = [
+        "inspect --json",
+        "review",
+        "identify --model rate.roll --json",
+        "delay",
+        "response --inputs roll_command --outputs p",
+    ]
     command = [sys.executable, "-m", "tests.hostile.clock_child", str(folder), *commands]
     ran = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = ran.stdout.splitlines()

@@ -33,6 +33,7 @@ from rotorid.errors import RotoridError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.fleets.table import Failed, Journal, LogAnswer, Row, sorted_failures, sorted_rows
 from rotorid.io.tables.csv import write_csv
+from rotorid.lab.steps import arguments, read_project
 from rotorid.settings.parsing import parse_segment
 from rotorid.vehicles.catalog import VEHICLES
 
@@ -117,12 +118,30 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
 LAYOUT = '[[rotor]]\nposition_m = [0.1, 0.12, 0.0]\nspin = "ccw"\n[[rotor]]\nposition_m = [-0.1, 0.1, 0]\nspin = "cw"\n'
 CONTROLLERS = '[pitch]\nproportional_s = 0.15\nintegral = 0.2\nangle_1_s = 6.0\nsetpoint = "theta_setpoint"\n'
 PROJECT = (
-    'schema = "rotorid.project/1"\nlogs = ["flight.csv"]\n[[steps]]\ncommand = "identify"\nlogs = [1]\n'
-    'model = "rate.roll"\nsegments = [{ axis = "roll", start_s = 0.0, stop_s = 60.0 }]\n'
+    'schema = "rotorid.project/1"\nlogs = ["flight.csv"]\n[[steps]]\nverb = "identify"\nlogs = [1]\n'
+    'models = ["rate.roll"]\nsegments = [{ axis = "roll", start_s = 0.0, stop_s = 60.0 }]\n'
 )
-PREFERENCES = 'theme = "dark"\nfrequency = "hz"\nout = "results"\n'
+PREFERENCES = 'theme = "dark"\nfrequency = "Hz"\nout = "results"\n'
 VEHICLES_CSV = 'log,vehicle,time,group\na.csv,one,2026-01-01,x\n"b,c.csv",two,,\n'
 GAINS = "# Onboard parameters\n1\t1\tMC_ROLLRATE_P\t0.15\t9\n1\t1\tMC_ROLLRATE_I\t0.2\t9\n"
+
+
+def test_what_is_spoiled_was_sound(tmp_path: Path) -> None:
+    path = tmp_path / "x.params"
+    for read, text in (
+        (as_words, PROJECT),
+        (TOML["preferences"], PREFERENCES),
+        (OTHERS["vehicles"], VEHICLES_CSV),
+        (OTHERS["gains"], GAINS),
+    ):
+        path.write_text(text)
+        assert read(path)
+
+
+def as_words(path: Path) -> object:
+    """A project, and the command lines of its steps."""
+    project = read_project(path)
+    return [arguments(step, project.logs, ["out"] * number) for number, step in enumerate(project.steps)]
 
 
 def text_of(name: str, sound: Path) -> str:
@@ -248,7 +267,9 @@ def test_hostile_toml(name: str, count: int, sound: Path, tmp_path: Path) -> Non
     for number in range(count):
         path = tmp_path / "x.toml"
         path.write_bytes(changed_text(random.Random(f"{name} {number}"), text))
-        found += [f"{number}: {wrong}" for wrong in [wrong_with(TOML[name], path)] if wrong]
+        found += [
+            f"{number}: {wrong}" for wrong in [wrong_with(as_words if name == "project" else TOML[name], path)] if wrong
+        ]
     assert found == []
 
 
