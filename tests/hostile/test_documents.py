@@ -286,7 +286,8 @@ def test_a_line_of_a_journal_is_an_answer_or_nothing(tmp_path: Path) -> None:
     whole = {"log": "a", "place": "a", "mark": "a", "log_sha256": "a", "settings": "a"}
     whole |= {"rows": [row], "failed": [failure], "gains": {"P": None}, "patterns": [[1.0]], "seconds": 1}
     lines = [json.dumps(whole).encode(), *HOSTILE_LINES]
-    for value in (None, True, 3, 1e308, "x", "\x1b", [], [[]], {}, {"a": []}, 2**40):
+    values: tuple[object, ...] = (None, True, 3, 1e308, "x", "\x1b", [], [[]], {}, {"a": []}, 2**40)
+    for value in values:
         lines += [json.dumps(whole | {"place": "b", key: value}).encode() for key in whole]
         lines += [json.dumps(whole | {"rows": [row | {key: value}], "place": "c"}).encode() for key in row]
         lines += [json.dumps(whole | {"failed": [failure | {key: value}], "place": "d"}).encode() for key in failure]

@@ -235,12 +235,8 @@ def taken_in(path: Path) -> object:
 @pytest.mark.parametrize("count", [200, pytest.param(2000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["journal", "salt", "vehicles", "gains"])
 def test_hostile_documents_of_other_kinds(name: str, count: int, tmp_path: Path) -> None:
-    whole = {
-        "journal": lambda: journal(tmp_path),
-        "salt": lambda: b"0123456789abcdef" * 2,
-        "vehicles": VEHICLES_CSV.encode,
-        "gains": GAINS.encode,
-    }[name]()
+    texts = {"salt": "0123456789abcdef" * 2, "vehicles": VEHICLES_CSV, "gains": GAINS}
+    whole = journal(tmp_path) if name == "journal" else texts[name].encode()
     read = taken_in if name == "journal" else OTHERS[name]
     path = tmp_path / "x.params"
     found = []
