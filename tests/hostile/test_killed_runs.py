@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.fleet_logs import WORK, write_logs
 
 from rotorid.io.tables.csv import write_csv
 
@@ -30,7 +31,17 @@ VERBS = {
         "design.json",
         {"design.html"},
     ),
+    "review": (["review", "LOG"], "review.json", {"review.html"}),
+    "verify": (["verify", "RESULT", "LOG"], "verification.json", {"report.html"}),
+    "export": (["export", "RESULT", "--to", "json"], "export.json", {"vehicle.json"}),
+    "fleet": (
+        ["fleet", "LOG", "--models", "rate.roll", "--workers", "1"],
+        "fleet.json",
+        {"fleet.html", "fleet.parquet", "failed.parquet"},
+    ),
 }
+STAYS = {"notes.txt", "fleet.journal", "fleet.salt", "fleet.lock"}
+"""What is no part of a set: a file of the user's, and what the next run of a fleet continues from."""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +58,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def started(words: list[str], log: Path, out: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "rotorid", *(str(log) if word == "LOG" else word for word in words)]
+    stands_for = {"LOG": str(log), "RESULT": str(log.parent / "result")}
+    command = [sys.executable, "-m", "rotorid", *(stands_for.get(word, word) for word in words)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen([*command, "--out", str(out), "--force"], **quiet)  # type: ignore[call-overload, no-any-return]
 
@@ -56,13 +68,13 @@ def check(out: Path, main: str, others: set[str]) -> None:
     """A whole set or none."""
     found = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     if main not in found:
-        assert found <= {"notes.txt"}
+        assert found <= STAYS
         return
     document = json.loads((out / main).read_text(encoding="utf-8"))
     assert others <= found
     if main == "design.json":
         assert {f"{one['folder']}/{name}" for one in document["plans"] for name in one["files"]} <= found
-    assert len({(out / name).stat().st_mtime_ns for name in found - {"notes.txt"}}) == 1
+    assert len({(out / name).stat().st_mtime_ns for name in found - STAYS}) == 1
 
 
 def killed(words: list[str], main: str, others: set[str], log: Path, folder: Path, rounds: int, seed: int) -> None:
@@ -90,7 +102,60 @@ def test_a_killed_run_leaves_a_whole_result(log: Path, tmp_path: Path) -> None:
     killed(*VERBS["delay"], log=log, folder=tmp_path, rounds=2, seed=0)
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a run is a copy of this process")
+def test_a_fleet_killed_at_any_call_leaves_the_set_of_before_or_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    write_logs(tmp_path / "logs", 1)
+    out = tmp_path / "out"
+    whole_fleet(tmp_path / "logs", out, "before")
+    ended = []
+    for call in range(0, 60, 4):
+        child = os.fork()
+        if child == 0:
+            # Nothing of the test may go on in here.
+            try:
+                signal.alarm(30)
+                whole_fleet(tmp_path / "logs", out, f"after {call}", killed_at=call)
+            finally:
+                os._exit(0)
+        _, status = os.waitpid(child, 0)
+        ended.append(os.waitstatus_to_exitcode(status))
+        pages = {(out / name).read_text().partition('"x": ')[2].strip('"}') for name in ("fleet.json", "fleet.html")}
+        assert len(pages) == 1
+        assert len({(out / name).stat().st_mtime_ns for name in SET}) == 1
+    assert set(ended) <= {0, -signal.SIGKILL}
+    assert ended.count(-signal.SIGKILL) >= 5
+    whole_fleet(tmp_path / "logs", out, "last")
+    assert {path.name for path in out.iterdir()} == {*SET, "fleet.journal", "fleet.salt", "fleet.lock"}
+    assert {path.name for path in tmp_path.iterdir()} == {"logs", "out"}
+
+
+SET = ("fleet.json", "fleet.html", "fleet.parquet", "failed.parquet")
+
+
+def whole_fleet(logs: Path, out: Path, words: str, *, killed_at: int | None = None) -> None:
+    """A fleet with a stand-in for its page; killed at one of the calls by which its files are written and exchanged."""
+    from rotorid.fleets import Fleet, FleetSettings, Limits, Processes
+
+    calls = iter(range(10**6))
+
+    def kill(event: str, _: object) -> None:
+        if event.startswith(("open", "os.", "ctypes.call", "shutil.")) and next(calls) == killed_at:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    run = Fleet([logs], FleetSettings(models=("rate.roll",)), out, engine=Processes(1, Limits(work=WORK)))
+    list(run)
+    if killed_at is not None:
+        sys.addaudithook(kill)
+    with run.writing() as place:
+        for name in ("fleet.html", "fleet.json"):
+            (place / name).write_text(json.dumps({"schema": "rotorid.fleet/1", "x": words}))
+    run.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", VERBS)
 def test_runs_killed_at_random_moments(log: Path, tmp_path: Path, verb: str) -> None:
+    if "RESULT" in VERBS[verb][0]:
+        assert started(["identify", "LOG", "--model", "rate.roll"], log, log.parent / "result").wait() == 0
     killed(*VERBS[verb], log=log, folder=tmp_path, rounds=17, seed=len(verb))
