@@ -20,6 +20,7 @@ import numpy as np
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.notches import Motion, MovingNotches
 from rotorid.autopilots.registry import autopilot_of
+from rotorid.data.axes import RATE_OF
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
@@ -27,6 +28,7 @@ from rotorid.flights.controllers import LogControllers
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.models.controller import RateController
 from rotorid.signal.autopilot_filters import controller_filters
+from rotorid.tuning.noise import RateNoise
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 PARTS = 10
@@ -125,26 +127,24 @@ def command_powers(
     return np.asarray(density @ (gain * (noise.frequency_hz >= above_hz)) * step_hz)
 
 
-def noise_by_gain(controller: RateController, noise: GyroNoise, density: FloatArray) -> FloatArray:
-    r"""Quadratic form of the noise of a command in P, I and D, shape ``(3, 3)``.
-
-    .. math:: N_{ij} = \int S \, \mathrm{Re}(C_i^* C_j) \, df
-
-    with the responses :math:`C_i` of one unit of each gain; the integral, which passes no noise, counts as zero.
+def noise_of_rate(record: FlightRecord, then: FlightRecord, noise: GyroNoise, axis: Axis) -> RateNoise:
+    """Noise of the rate of an axis behind the filters of another record, over the whole flight.
 
     Parameters
     ----------
-    controller, noise, density
-        As for :func:`command_powers`.
+    record, then, noise
+        As for :func:`filtered_density`.
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+
+    Raises
+    ------
+    InsufficientDataError
+        A notch that changes follows something that is not in the log.
     """
-    omega, kept = noise.omega_rad_s, noise.frequency_hz >= NOISE_ABOVE_HZ
-    none = replace(controller, integral=0.0, angle_1_s=0.0)
-    of_p = replace(none, proportional_s=1.0, derivative_s2=0.0).response(omega)
-    of_d = replace(none, proportional_s=0.0, derivative_s2=1.0).response(omega)
-    rows = np.stack([of_p, np.zeros_like(of_p), of_d])
-    step_hz = float(noise.frequency_hz[1] - noise.frequency_hz[0])
-    weighted = rows.conj() * (density.mean(axis=0) * kept * step_hz)
-    return np.asarray((weighted @ rows.T).real)
+    density = filtered_density(record, then, noise)[RATE_OF[axis]].mean(axis=0)
+    kept = noise.frequency_hz >= NOISE_ABOVE_HZ
+    return RateNoise(omega_rad_s=noise.omega_rad_s, density=density * kept / (2.0 * math.pi))
 
 
 def saved(flown: FloatArray, then: FloatArray) -> Quantity:

@@ -17,7 +17,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.flights.filter_effects import command_powers, filtered_density, noise_by_gain, saved
+from rotorid.flights.filter_effects import command_powers, filtered_density, saved
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.loops.filter_choice import FilterSet, KnownLoop, filter_sets
 from rotorid.proposing.axis import KnownAxis
@@ -178,15 +178,14 @@ def filter_curve(
     noise = gyro_noise(record)
     loops = {axis: _loop(one) for axis, one in known.items()}
     sets = _spread(filter_sets(record, noise, {axis: loop for axis, loop in loops.items() if loop is not None}))
-    flown = {axis: _with_noise(record, one, noise, record, flown=True) for axis, one in known.items()}
-    powers = {axis: _powers(record, noise, one.flown_parts.controller, record, axis) for axis, one in flown.items()}
+    powers = {axis: _powers(record, noise, one.flown_parts.controller, record, axis) for axis, one in known.items()}
     before = np.sum(list(powers.values()), axis=0)
     found: list[FilterPoint] = []
     for one in sets:
         values = {**flown_filters, **one.values}
         try:
             then = with_filters(record, values) if values else record
-            changed = {axis: _changed(record, flown[axis], noise, then) for axis in known}
+            changed = {axis: changed_axis(one, then) for axis, one in known.items()}
         except (UsageError, InsufficientDataError):
             continue
         loudest = np.inf
@@ -197,7 +196,7 @@ def filter_curve(
             point = _point(record, noise, changed, then, one, limit, wishes, before)
             if point is not None:
                 found.append(point)
-                loudest = max(point.axes[axis].judged.noise / _flown_noise(one) for axis, one in flown.items())
+                loudest = max(point.axes[axis].judged.noise / _flown_noise(one) for axis, one in known.items())
     kept = [point for point in found if not point.filters]
     if not kept:
         raise InsufficientDataError(
@@ -242,25 +241,6 @@ def _powers(record: FlightRecord, noise: GyroNoise, controller: object, then: Fl
     return command_powers(controller, noise, density)  # type: ignore[arg-type]
 
 
-def _with_noise(
-    record: FlightRecord, known: KnownAxis, noise: GyroNoise, then: FlightRecord, *, flown: bool = False
-) -> KnownAxis:
-    """An axis whose noise is that of the whole spectrum of the gyro."""
-    density = filtered_density(record, then, noise)[RATE_OF[known.flown.axis]]  # type: ignore[index]
-    if flown:
-        form = noise_by_gain(known.flown_parts.controller, noise, density)
-        return replace(known, flown_parts=replace(known.flown_parts, noise_by_gain=form))
-    form = noise_by_gain(known.parts.controller, noise, density)
-    return replace(known, parts=replace(known.parts, noise_by_gain=form))
-
-
-def _changed(record: FlightRecord, known: KnownAxis, noise: GyroNoise, then: FlightRecord) -> KnownAxis:
-    """An axis with other filters."""
-    if then is record:
-        return _with_noise(record, replace(known, parts=known.flown_parts), noise, record)
-    return _with_noise(record, changed_axis(known, then), noise, then)
-
-
 def changed_axis(known: KnownAxis, then: FlightRecord) -> KnownAxis:
     """An axis with the filters of another record's parameters.
 
@@ -271,6 +251,8 @@ def changed_axis(known: KnownAxis, then: FlightRecord) -> KnownAxis:
     then
         Its log with other filters among its parameters.
     """
+    if then is known.flown.record:
+        return replace(known, then=None, controller=known.flown.controller, parts=known.flown_parts)
     return replace(
         known,
         then=then,
@@ -282,7 +264,7 @@ def changed_axis(known: KnownAxis, then: FlightRecord) -> KnownAxis:
 def with_point(
     known: Mapping[Axis, KnownAxis], point: FilterPoint, flown_filters: Mapping[str, float]
 ) -> dict[Axis, KnownAxis]:
-    """The axes with the filters of a point, and with the noise by which it was found.
+    """The axes with the filters of a point.
 
     Parameters
     ----------
@@ -290,11 +272,9 @@ def with_point(
         As for :func:`filter_curve`.
     """
     record = next(iter(known.values())).flown.record
-    noise = gyro_noise(record)
     values = {**flown_filters, **point.values}
     then = with_filters(record, values) if values else record
-    found = {axis: _with_noise(record, one, noise, record, flown=True) for axis, one in known.items()}
-    return {axis: _changed(record, one, noise, then) for axis, one in found.items()}
+    return {axis: changed_axis(one, then) for axis, one in known.items()}
 
 
 def _point(

@@ -191,8 +191,13 @@ def _each_left_out(
     found = []
     without: dict[str, Any]
     for known in controller_filters(record) if record is not None else ():
-        response = known.response(parts.omega_rad_s)
-        found.append((f"gyro: {known.name}", replace(parts, filters=parts.filters / response)))
+        noise = parts.gyro_noise
+        others = replace(
+            parts,
+            filters=parts.filters / known.response(parts.omega_rad_s),
+            gyro_noise=None if noise is None else noise.without(known.response(noise.omega_rad_s)),
+        )
+        found.append((f"gyro: {known.name}", others))
     for field, words in _CUTOFFS.items():
         if cutoff := getattr(controller, field):
             without = {field: 0.0}

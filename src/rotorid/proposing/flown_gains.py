@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -24,7 +25,8 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
 from rotorid.flights.controller_check import check_controller
 from rotorid.flights.controllers import LogControllers, controller_as_logged, controllers_of, controllers_of_result
-from rotorid.flights.filter_effects import ratio_at_slowest
+from rotorid.flights.filter_effects import noise_of_rate, ratio_at_slowest
+from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.results.model import IdentifiedModel
@@ -111,6 +113,14 @@ class LoggedLoop:
     known: LogControllers
     density: FloatArray | None = None
 
+    @cached_property
+    def gyro(self) -> GyroNoise | None:
+        """Noise of the gyro over its whole spectrum; ``None`` where the log does not show it."""
+        try:
+            return gyro_noise(self.record)
+        except InsufficientDataError:
+            return None
+
     @property
     def passed(self) -> tuple[KnownFilter, ...]:
         """Filters on the rate of the plant; none where ``identify`` removed them."""
@@ -128,7 +138,7 @@ class LoggedLoop:
         then
             The same log with other filters among its parameters.
         noise
-            Density of the noise of the rate, shape ``(f,)``.
+            Density of the noise of the rate, shape ``(f,)``, which counts where that of the gyro is not known.
         """
         source = self.source.removesuffix(UNFILTERED)
         acting = controller_as_logged(self.record, self.controller.controller, source=source)
@@ -137,8 +147,14 @@ class LoggedLoop:
         if then is not None:
             filters = filters * ratio_at_slowest(self.record, then, omega_rad_s)
             controller = self.with_parameters(then).controller
+        of_gyro = None if self.gyro is None else noise_of_rate(self.record, then or self.record, self.gyro, self.axis)
         return ControllerParts(
-            controller=controller, omega_rad_s=omega_rad_s, filters=filters, logged=logged, rate_noise=noise
+            controller=controller,
+            omega_rad_s=omega_rad_s,
+            filters=filters,
+            logged=logged,
+            rate_noise=noise,
+            gyro_noise=of_gyro,
         )
 
     def with_parameters(self, record: FlightRecord) -> AxisController:

@@ -498,7 +498,7 @@ def judge_axis(
     scores = _scores(known.plant, parts, own)
     before = _scores(known.flown_plant or known.plant, flown_parts, known.gains)
     of_command = CommandNoise(
-        rms=scores.noise if noise is not None else None, ratio=scores.noise / max(before.noise, 1e-300)
+        rms=scores.noise if parts.shows_noise else None, ratio=scores.noise / max(before.noise, 1e-300)
     )
     found = loop_verdict(known.plant, _situations(known.plant, controller, parts, own, gain_range), noise=of_command)
     doubts = tuple(_doubts(known.flown, record, then, values))

@@ -604,7 +604,7 @@ def _axis(
             found.proposed.gains,
         ),
         ends={name: _scores(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
-        noise_seen=parts.rate_noise is not None,
+        noise_seen=parts.shows_noise,
         **_steps(flown, then, (before, plant), found),
     )
 

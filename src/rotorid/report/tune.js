@@ -54,11 +54,13 @@
     };
   };
 
+  // Another low-pass of D over that of the page.
+  const otherLowPass = (axis, omega, cutoff) => (axis.derivative_cutoff_hz > 0
+    ? quotient(lowPass(omega, cutoff, axis.derivative_step_s),
+               lowPass(omega, axis.derivative_cutoff_hz, axis.derivative_step_s))
+    : null);
   const controllers = (axis, gains, cutoff) => {
-    const filter = axis.derivative_cutoff_hz > 0
-      ? quotient(lowPass(axis.omega, cutoff, axis.derivative_step_s),
-                 lowPass(axis.omega, axis.derivative_cutoff_hz, axis.derivative_step_s))
-      : null;
+    const filter = otherLowPass(axis, axis.omega, cutoff);
     const slope = (one) => (filter ? times(plain(one), plain(filter)) : one);
     const rate = weighted([[gains.P, axis.rate.P], [gains.I, axis.rate.I], [gains.D, slope(axis.rate.D)]]);
     const angle = weighted([
@@ -129,15 +131,14 @@
     return Math.sqrt(sum);
   };
 
-  // Of the whole spectrum where it is known; a low-pass of D that is moved by hand changes it as below its end.
-  const spectrum = (axis, gains) => {
-    const each = [gains.P, gains.I, gains.D];
-    return Math.sqrt(axis.noise_by_gain.reduce((sum, row, i) => sum + row.reduce((of, one, j) => of + each[i] * one * each[j], 0), 0));
-  };
-  const loudness = (axis, gains, found) => {
-    if (!axis.noise_by_gain) return noise(axis, found.rate);
-    const same = controllers(axis, gains, axis.derivative_cutoff_hz);
-    return (spectrum(axis, gains) * noise(axis, found.rate)) / noise(axis, same.rate);
+  // Of the whole spectrum of the gyro where the log shows it.
+  const loudness = (axis, gains, cutoff, found) => {
+    if (!axis.gyro) return noise(axis, found.rate);
+    const { omega, of_p: ofP, of_both: [re, im], of_d: ofD } = axis.gyro;
+    const filter = otherLowPass(axis, omega, cutoff) ?? { re: omega.map(() => 1), im: omega.map(() => 0) };
+    return Math.sqrt(omega.reduce((sum, _, k) => sum + gains.P ** 2 * ofP[k]
+      + 2 * gains.P * gains.D * (re[k] * filter.re[k] - im[k] * filter.im[k])
+      + gains.D ** 2 * ofD[k] * (filter.re[k] ** 2 + filter.im[k] ** 2), 0));
   };
 
   // Attitude under a moment of a corner, as rotorid.tuning.loops.attitude_rms.
@@ -191,7 +192,7 @@
     });
     const flown = controllers(axis, axis.flown, axis.derivative_cutoff_hz);
     const before = step(axis, axis.plant, flown);
-    const quiet = axis.noise_today * loudness(axis, axis.flown, flown);
+    const quiet = axis.noise_today * loudness(axis, axis.flown, axis.derivative_cutoff_hz, flown);
     const tilted = attitude(axis, flown.whole);
 
     const show = () => {
@@ -216,7 +217,7 @@
       const worst = Math.max(...peaks);
       setFigure("worst", `${shown(worst)} on the worst of ${peaks.length} likely vehicles`);
       place.querySelector('[data-figure="worst"]').classList.toggle("poor", worst > axis.limit);
-      setFigure("noise", `${format((100 * loudness(axis, gains, found)) / quiet, 3)} % of today's`);
+      setFigure("noise", `${format((100 * loudness(axis, gains, cutoff, found)) / quiet, 3)} % of today's`);
       for (const [name, input] of Object.entries(inputs)) {
         place.querySelector(`output[data-of="${name}"]`).textContent = format(Number(input.value), 4);
       }

@@ -19,6 +19,7 @@ from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDo
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
 from rotorid.loops.rate_loops import shown_quantities
 from rotorid.models.autopilots.gains import parameters_of
+from rotorid.models.controller import RateController
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import AxisTuning, TuningProposal
@@ -47,6 +48,7 @@ from rotorid.report.tune_words import (
 )
 from rotorid.tuning.judging import VERDICT_NAMES, Verdict
 from rotorid.tuning.loops import quantities
+from rotorid.tuning.noise import RateNoise
 from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 _OF_LOOPS = (
@@ -64,6 +66,8 @@ _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12
 _DIGITS = 6
+_NOISE_BANDS = 80
+"""Most bands into which the spectrum of the gyro is summed for the page."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -375,7 +379,7 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
         "noise": _short(noise / noise.max()),
         # Other filters make other noise of today's gains too, and the whole spectrum may be known.
         "noise_today": tuning.proposal.flown.noise / parts.noise(tuning.proposal.flown.gains),
-        "noise_by_gain": None if parts.noise_by_gain is None else [_short(row) for row in parts.noise_by_gain],
+        "gyro": None if parts.gyro_noise is None else _gyro_noise(parts.gyro_noise, controller),
         "flown": tuning.proposal.flown.gains.as_dict(),
         "units": {name: {"name": known_axis.name, "per_si": known_axis.per_si} for name, known_axis in known.items()},
         "derivative_cutoff_hz": first_order,
@@ -383,6 +387,19 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
         # Some of the likely plants may exceed what was asked for; red is what is not fine in the table.
         "limit": max(1.03 * limit, SAFE_PEAK),
     }
+
+
+def _gyro_noise(noise: RateNoise, controller: RateController) -> dict[str, list[float] | list[list[float]]]:
+    """What each band of frequencies adds to the noise of the command, see :meth:`RateNoise.of_command`."""
+    rows = noise.of_command(controller)
+    heard = np.flatnonzero(noise.density)
+    if not heard.size:
+        heard = np.arange(noise.density.size)
+    first, last = int(heard[0]), int(heard[-1])
+    edges = np.unique(np.geomspace(first + 1, last + 2, _NOISE_BANDS).astype(np.int64) - 1)[:-1]
+    of_p, of_both, of_d = (np.add.reduceat(row[: last + 1], edges) for row in rows)
+    omega = np.add.reduceat(noise.omega_rad_s[: last + 1], edges) / np.diff([*edges, last + 1])
+    return {"omega": _short(omega), "of_p": _short(of_p), "of_both": _complex(of_both), "of_d": _short(of_d)}
 
 
 def _short(values: FloatArray) -> list[float]:

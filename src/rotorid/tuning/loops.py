@@ -19,6 +19,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.quantity import Quantity
 from rotorid.models.controller import RateController
 from rotorid.tuning.kinds import KINDS
+from rotorid.tuning.noise import RateNoise
 from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 GRID = 170
@@ -97,9 +98,9 @@ class ControllerParts(Immutable):
     rate_noise
         Density of the noise of the logged rate, (rad/s)² per rad/s, shape ``(f,)``; ``None`` where the log does not
         show it: then it is taken for white, and noises of gains can be compared only.
-    noise_by_gain
-        Quadratic form of the noise of the command in P, I and D, shape ``(3, 3)``, where the spectrum of the gyro is
-        known beyond these frequencies: it goes before ``rate_noise``.
+    gyro_noise
+        Noise of the rate that the controller takes, over the whole spectrum of the gyro, where the log shows it: it
+        goes before ``rate_noise``.
     disturbance_rad_s
         Corner of the moment, or of the force, against which the attitude, or the place, is held.
     """
@@ -109,7 +110,7 @@ class ControllerParts(Immutable):
     filters: ComplexArray
     logged: ComplexArray
     rate_noise: FloatArray | None = None
-    noise_by_gain: FloatArray | None = None
+    gyro_noise: RateNoise | None = None
     disturbance_rad_s: float = DISTURBANCE_RAD_S
 
     def attitude_rms(self, plants: ComplexArray, loops: ComplexArray) -> FloatArray:
@@ -118,11 +119,23 @@ class ControllerParts(Immutable):
 
     def noise(self, gains: Gains) -> float:
         """Root mean square of the command that the noise of the rate makes."""
-        if self.noise_by_gain is not None:
-            each = np.array([gains.P, gains.I, gains.D])
-            return float(np.sqrt(each @ self.noise_by_gain @ each))
+        if self._noise_by_gain is not None:
+            of_p, of_both, of_d = self._noise_by_gain
+            return float(np.sqrt(gains.P**2 * of_p + 2.0 * gains.P * gains.D * of_both + gains.D**2 * of_d))
         density = np.ones(self.omega_rad_s.size) if self.rate_noise is None else self.rate_noise
         return float(np.sqrt(np.trapezoid(density * np.abs(self.rate(gains)) ** 2, self.omega_rad_s)))
+
+    @cached_property
+    def _noise_by_gain(self) -> tuple[float, float, float] | None:
+        if self.gyro_noise is None:
+            return None
+        of_p, of_both, of_d = self.gyro_noise.of_command(self.controller)
+        return float(of_p.sum()), float(of_both.real.sum()), float(of_d.sum())
+
+    @property
+    def shows_noise(self) -> bool:
+        """Whether noise is in units of the command, and not only a ratio."""
+        return self.gyro_noise is not None or self.rate_noise is not None
 
     def rate(self, gains: Gains) -> ComplexArray:
         """Command by the logged rate without the angle loop, shape ``(f,)``."""

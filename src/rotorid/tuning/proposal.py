@@ -633,7 +633,7 @@ def _gain(
         return None
     k_low = max(k_low, k_apart)
     k_low, k_high = k_low / wishes.gain_range[0], k_high / wishes.gain_range[1]
-    least_noise = _QUIET if parts.rate_noise is not None else 0.0
+    least_noise = _QUIET if parts.shows_noise else 0.0
     k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / parts.noise(unit))
     for name, factor in (("P", 1.0), ("I", a), ("D", d)):
         least, most = _limits(name, getattr(flown.gains, name), wishes)

@@ -12,6 +12,8 @@ from tests.unit.loops.test_filter_choice import ARDUPILOT
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controllers import controllers_of
+from rotorid.flights.filter_effects import command_powers, filtered_density
+from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
 from rotorid.proposing.flown_gains import LoggedLoop
@@ -61,11 +63,16 @@ def wishes(known: KnownAxis) -> Wishes:
 
 
 @pytest.fixture(scope="module")
-def curve() -> FilterCurve:
-    record = fly(ARDUPILOT, seconds=15.0)
+def record() -> FlightRecord:
+    return fly(ARDUPILOT, seconds=15.0)
+
+
+@pytest.fixture(scope="module")
+def curve(record: FlightRecord) -> FilterCurve:
     return filter_curve(known_axes(record), wishes, {})
 
 
+@pytest.mark.slow
 def test_every_point_keeps_the_limits_on_all_likely_plants(curve: FilterCurve) -> None:
     assert len(curve.points) >= 3
     for point in curve.points:
@@ -76,6 +83,7 @@ def test_every_point_keeps_the_limits_on_all_likely_plants(curve: FilterCurve) -
             assert axis.judged.whole.stable.all()
 
 
+@pytest.mark.slow
 def test_less_noise_is_paid_with_attitude_along_the_curve(curve: FilterCurve) -> None:
     others = [point for point in curve.points if point.number]
     noises, attitudes = ([getattr(point, name) for point in others] for name in ("noise", "attitude"))
@@ -86,6 +94,7 @@ def test_less_noise_is_paid_with_attitude_along_the_curve(curve: FilterCurve) ->
     assert not any(point.noise <= kept.noise and point.attitude < 0.99 * kept.attitude for point in [kept])
 
 
+@pytest.mark.slow
 def test_noisy_motors_get_a_notch_and_a_stiffer_attitude(curve: FilterCurve) -> None:
     best = curve.point(curve.recommended)
     kept = curve.point(0)
@@ -94,8 +103,8 @@ def test_noisy_motors_get_a_notch_and_a_stiffer_attitude(curve: FilterCurve) -> 
     assert best.attitude <= 1.02 * kept.attitude
 
 
-def test_a_picked_point_is_what_tune_then_flies(curve: FilterCurve) -> None:
-    record = fly(ARDUPILOT, seconds=15.0)
+@pytest.mark.slow
+def test_a_picked_point_is_what_tune_then_flies(curve: FilterCurve, record: FlightRecord) -> None:
     known = known_axes(record)
     point = curve.point(curve.recommended)
     then = with_point(known, point, {})
@@ -106,9 +115,21 @@ def test_a_picked_point_is_what_tune_then_flies(curve: FilterCurve) -> None:
     assert then["roll"].then.parameters["INS_HNTCH_ENABLE"] == 1.0
 
 
-def test_a_point_that_is_not_there_is_named(curve: FilterCurve) -> None:
+def test_plain_tune_counts_the_same_noise_as_the_curve(record: FlightRecord) -> None:
+    roll = known_axes(record)["roll"]
+    noise = gyro_noise(record)
+    density = filtered_density(record, record, noise)["p"]
+    power = command_powers(roll.controller.controller, noise, density).mean()
+    assert roll.parts.noise(roll.gains) == pytest.approx(np.sqrt(power))
+
+
+def test_a_slow_log_shows_no_noise_of_the_gyro() -> None:
+    assert not known_axes(fly(replace(ARDUPILOT, log_hz=50.0), seconds=15.0))["roll"].parts.shows_noise
+
+
+def test_a_point_that_is_not_there_is_named() -> None:
     with pytest.raises(UsageError, match="--filters 99: no such point"):
-        curve.point(99)
+        FilterCurve(points=(), recommended=0).point(99)
 
 
 def test_a_slow_log_has_no_curve() -> None:
