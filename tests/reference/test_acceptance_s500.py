@@ -72,16 +72,24 @@ def test_what_roll_does_to_yaw_is_no_spin_up(shared_data: Path) -> None:
     assert said.numbers["cost_rise"] > 2.0
 
 
-def test_a_hover_model_is_refused_where_the_controller_moved_its_other_input(shared_data: Path) -> None:
+@pytest.fixture(scope="module")
+def roll_alone(shared_data: Path) -> tuple[rotorid.IdentifiedModel, float]:
+    """The lateral model of roll sweeps alone, a seventh of whose yaw goes with roll, and the true gain."""
+    folder = shared_data / "s500"
+    truth = json.loads((folder / "truth.json").read_text())["lateral"]["L_roll"]
+    return rotorid.identify(rotorid.read(folder / "roll_sweeps.csv"), "hover.lateral"), truth
+
+
+def test_a_hover_model_is_refused_where_the_controller_moved_its_other_input(
+    shared_data: Path, roll_alone: tuple[rotorid.IdentifiedModel, float]
+) -> None:
     """Under the hold of height thrust goes with pitch: Z_w came out as -0.69 +- 0.03 for +0.70."""
     record = rotorid.read(shared_data / "s500" / "pitch_sweeps.csv")
     with pytest.raises(InsufficientDataError, match=r"thrust_command was not excited and 5\d % of") as refusal:
         rotorid.identify(record, "hover.longitudinal")
     assert [one.kind for one in refusal.value.findings] == ["correlated_inputs"]
     # In roll sweeps a tenth of yaw goes with roll.
-    assert (
-        "L_roll" in rotorid.identify(rotorid.read(shared_data / "s500" / "roll_sweeps.csv"), "hover.lateral").parameters
-    )
+    assert "L_roll" in roll_alone[0].parameters
 
 
 def test_a_search_keeps_no_coupling_that_grows_without_bound(shared_data: Path) -> None:
@@ -90,14 +98,6 @@ def test_a_search_keeps_no_coupling_that_grows_without_bound(shared_data: Path) 
     found = rotorid.identify(record, "hover.lateral", outputs=("p", "r"), search="cma", evaluations=300)
     assert found["N_p"].status == "dropped"
     assert max(one.std / abs(one.value) for one in found.parameters.values() if one.std) < 20.0
-
-
-@pytest.fixture(scope="module")
-def roll_alone(shared_data: Path) -> tuple[rotorid.IdentifiedModel, float]:
-    """The lateral model of roll sweeps alone, a seventh of whose yaw goes with roll, and the true gain."""
-    folder = shared_data / "s500"
-    truth = json.loads((folder / "truth.json").read_text())["lateral"]["L_roll"]
-    return rotorid.identify(rotorid.read(folder / "roll_sweeps.csv"), "hover.lateral"), truth
 
 
 @pytest.mark.xfail(
