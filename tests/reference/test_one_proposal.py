@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +42,10 @@ Three = Callable[[str, Axis], tuple[rotorid.FlightRecord, dict[str, TuningPropos
 
 @pytest.fixture(scope="module")
 def three(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Three:
-    """Proposals for one axis of a flight, by what tune was given."""
+    """Proposals for one axis of a flight, by what tune was given; each made once."""
     logs: dict[str, rotorid.FlightRecord] = {}
 
+    @cache
     def proposals(name: str, axis: Axis) -> tuple[rotorid.FlightRecord, dict[str, TuningProposal]]:
         log = logs.setdefault(name, rotorid.read(shared_data / name))
         folder = tmp_path_factory.mktemp("result")
@@ -132,10 +134,10 @@ def test_a_rate_whose_filter_was_taken_out_has_it_in_its_loop(shared_data: Path)
     assert peaks[1] == pytest.approx(peaks[0], rel=0.1)
 
 
-def test_a_filtered_rate_alone_shows_the_loop_that_an_injection_measured(shared_data: Path) -> None:
+def test_a_filtered_rate_alone_shows_the_loop_that_an_injection_measured(three: Three) -> None:
     """Beyond its band the plant has the filter that the log names, and no pure delay in its place."""
-    log = rotorid.read(shared_data / "real_stacks/ap_x_guided_multisine.BIN.xz")
-    one = tune(records=log, axes=("roll",)).axes["roll"].proposal
+    _, found = three("real_stacks/ap_x_guided_multisine.BIN.xz", "roll")
+    one = found["log"].axes["roll"].proposal
     # The same gains by injection: M_s 1.88, 61 rad/s.
     assert np.median(one.flown.whole.sensitivity_peak) == pytest.approx(1.88, rel=0.1)
     assert np.median(one.flown.rate.usual_crossover_rad_s) == pytest.approx(61.0, rel=0.1)
