@@ -12,7 +12,7 @@ import pytest
 
 import rotorid
 from rotorid.flights.whole_flights import flown
-from rotorid.proposing import tune
+from rotorid.proposing import TuningProposal, tune
 from rotorid.reviewing.margins import margins
 from rotorid.signal.excitations import find_excitations, rich_excitations, verifying_excitations
 from rotorid.typing import Axis, FloatArray
@@ -45,6 +45,11 @@ def _model(folder: Path, name: str, axis: Axis) -> rotorid.IdentifiedModel:
     return rotorid.identify(_log(folder, name), f"rate.{axis}")
 
 
+@cache
+def _tuned(folder: Path, name: str) -> TuningProposal:
+    return tune([_model(folder, name, axis) for axis in AXES], _log(folder, name), axes=AXES)
+
+
 @pytest.fixture
 def log(shared_data: Path) -> Callable[[str], rotorid.FlightRecord]:
     return lambda name: _log(shared_data, name)
@@ -53,6 +58,11 @@ def log(shared_data: Path) -> Callable[[str], rotorid.FlightRecord]:
 @pytest.fixture
 def model(shared_data: Path) -> Callable[[str, Axis], rotorid.IdentifiedModel]:
     return lambda name, axis: _model(shared_data, name, axis)
+
+
+@pytest.fixture
+def tuned(shared_data: Path) -> Callable[[str], TuningProposal]:
+    return lambda name: _tuned(shared_data, name)
 
 
 @pytest.mark.parametrize("name", [CARD, TUNED, WIDE])
@@ -92,10 +102,8 @@ def test_the_gain_is_that_of_the_frame(
     assert swept[0] <= used[0] < used[1] <= swept[1]
 
 
-def test_gains_of_the_card_are_those_of_its_vehicle_on_both_axes(
-    log: Callable[[str], rotorid.FlightRecord], model: Callable[[str, Axis], rotorid.IdentifiedModel]
-) -> None:
-    found = tune([model(CARD, axis) for axis in AXES], log(CARD), axes=AXES)
+def test_gains_of_the_card_are_those_of_its_vehicle_on_both_axes(tuned: Callable[[str], TuningProposal]) -> None:
+    found = tuned(CARD)
     for axis, stem in (("roll", "RLL"), ("pitch", "PIT")):
         proposed = {name: found.axes[axis].parameters[f"ATC_RAT_{stem}_{name}"][1] for name in "PID"}  # type: ignore[index]
         assert proposed["P"] == pytest.approx(0.070, rel=0.05)
@@ -115,10 +123,8 @@ FLOWN = {
 
 
 @pytest.mark.parametrize("name", [CARD, TUNED, WIDE])
-def test_intervals_of_the_flown_loop_contain_what_was_flown(
-    name: str, log: Callable[[str], rotorid.FlightRecord], model: Callable[[str, Axis], rotorid.IdentifiedModel]
-) -> None:
-    found = tune([model(name, axis) for axis in AXES], log(name), axes=AXES)
+def test_intervals_of_the_flown_loop_contain_what_was_flown(name: str, tuned: Callable[[str], TuningProposal]) -> None:
+    found = tuned(name)
     for axis in AXES:
         whole, (peak, crossover, margin) = found.axes[axis].proposal.flown.whole, FLOWN[name, axis]
         _contains(whole.sensitivity_peak, peak, 0.01)
