@@ -33,15 +33,20 @@ def model(sweep: rotorid.FlightRecord) -> rotorid.IdentifiedModel:
     return rotorid.identify(sweep, "rate.roll")
 
 
-def test_hot_gains_of_ardupilot_come_down(sweep: rotorid.FlightRecord, model: rotorid.IdentifiedModel) -> None:
-    found = tune(model, sweep, axes=("roll",))
-    one = found.axes["roll"]
+@pytest.fixture(scope="module")
+def plain(sweep: rotorid.FlightRecord, model: rotorid.IdentifiedModel) -> TuningProposal:
+    """Gains for what flew, nothing chosen."""
+    return tune(model, sweep, axes=("roll",))
+
+
+def test_hot_gains_of_ardupilot_come_down(plain: TuningProposal) -> None:
+    one = plain.axes["roll"]
     assert np.median(one.proposal.flown.whole.sensitivity_peak) > 3.0
     assert np.quantile(one.proposal.proposed.whole.sensitivity_peak, 0.9) < 1.75
     assert one.parameters["ATC_RAT_RLL_P"][1] < 0.8 * one.parameters["ATC_RAT_RLL_P"][0]
-    assert sorted(found.files) == ["proposed.param"]
+    assert sorted(plain.files) == ["proposed.param"]
     # The sweep logs the rate in front of the filters of the gyro, and still says that these gains flew.
-    assert not [one for one in found.findings if one.kind == "controller_unchecked"]
+    assert not [one for one in plain.findings if one.kind == "controller_unchecked"]
 
 
 def test_gains_of_the_firmwares_own_autotune_are_judged(
@@ -77,8 +82,9 @@ def test_other_gains_than_those_of_the_log_are_refused(
     assert "other_controller" in {finding.kind for finding in refused.value.findings}
 
 
-def test_another_filter_is_judged_and_written(sweep: rotorid.FlightRecord, model: rotorid.IdentifiedModel) -> None:
-    plain = tune(model, sweep, axes=("roll",))
+def test_another_filter_is_judged_and_written(
+    sweep: rotorid.FlightRecord, model: rotorid.IdentifiedModel, plain: TuningProposal
+) -> None:
     faster = tune(model, sweep, axes=("roll",), filters={"INS_GYRO_FILTER": 60.0})
     prices = {price.name: price.phase_deg for price in plain.axes["roll"].prices}
     assert max(prices, key=lambda name: prices[name]).startswith("gyro: ")
