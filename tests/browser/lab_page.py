@@ -40,7 +40,7 @@ def serving(*given: str | Path, private: Path, token: str = "") -> Iterator[tupl
         yield server.stdout.readline().strip(), server
     finally:
         server.terminate()
-        server.communicate(timeout=10)
+        server.communicate(timeout=60)
     assert not list(private.glob("rotorid-lab-*")), "the private folder goes away"
 
 

@@ -76,6 +76,12 @@ def with_steps(shared_browser: Any, worked: str) -> Iterator[LabPage]:
         yield lab
 
 
+@pytest.fixture
+def looking(with_steps: LabPage) -> LabPage:
+    """The same lab: what is looked at in a log does not depend on the steps that were carried out."""
+    return with_steps
+
+
 def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[float, float]) -> None:
     lab.drop(log)
     lab.wait_for_tracks()
