@@ -96,8 +96,10 @@ BY_ITS_OWN = {
         (
             "cli.fleet",
             "cli.installation",
+            "exports.crazyflow",
             "exports.fmu",
             "exports.json_model",
+            "exports.rl_tools",
             "fleets.worker",
             "io.pool",
             "io.sandbox",
