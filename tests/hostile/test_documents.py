@@ -94,7 +94,6 @@ BY_ITS_OWN = {
     ),
     **dict.fromkeys(
         (
-            "cli.fleet",
             "cli.installation",
             "exports.crazyflow",
             "exports.fmu",
