@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorid.autopilots.advice import move_stick
 from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.data.axes import RATE_OF
 from rotorid.data.display import counted
@@ -170,6 +171,16 @@ def plant_of(
     return replace(plant, above_rad_s=above_rad_s)
 
 
+def flight_by_stick(axis: Axis) -> str:
+    """The flight by stick that shows an axis without a sweep, as part of a sentence.
+
+    Simulated flights of roll and pitch with these flicks give gains; faster ones bring motors to their limits.
+    """
+    if axis == "yaw":
+        return move_stick(axis)
+    return f"fly 30 s in acro at a steady throttle with {axis} flicks of 0.25 s and 200°/s to each side"
+
+
 def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> None:
     """Refuse a plant whose gain is too uncertain at the crossover of its loop, or at the nearest end of its band.
 
@@ -183,8 +194,9 @@ def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> 
         raise InsufficientDataError(
             f"{axis} was measured up to {plant.reach_rad_s / _HZ:.1f} Hz only, below the crossover of its loop "
             f"({crossover_rad_s / _HZ:.1f} Hz)",
-            needed="a faster sweep",
-            remedy=f"fly a sweep of {axis} up to {BAND_OVER_CROSSOVER * crossover_rad_s / _HZ:.0f} Hz",
+            needed="faster motion",
+            remedy=f"fly a sweep of {axis} up to {BAND_OVER_CROSSOVER * crossover_rad_s / _HZ:.0f} Hz, or without "
+            f"a sweep {flight_by_stick(axis)}",
         )
     at = np.array([float(np.clip(crossover_rad_s, low, high))])
     spread = float(np.std(np.log(np.abs(plant.drawn(at)))))
@@ -192,5 +204,5 @@ def require_known(axis: Axis, plant: UncertainPlant, crossover_rad_s: float) -> 
         raise InsufficientDataError(
             f"the response of {axis} is uncertain by {100.0 * spread:.0f} % at {at[0] / _HZ:.1f} Hz",
             needed=f"{100.0 * _WIDEST:.0f} % or less",
-            remedy=f"fly a longer sweep of {axis}",
+            remedy=f"fly a longer sweep of {axis}, or without a sweep {flight_by_stick(axis)}",
         )

@@ -37,6 +37,7 @@ from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
 from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains, require_same_autopilot
 from rotorid.proposing.outer import InnerLoop, OuterMaterial, known_outer, with_values
+from rotorid.proposing.plants import flight_by_stick
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.steps import attitude_steps, step_times_s
@@ -699,8 +700,8 @@ def _next_flight(axis: Axis, logs: Sequence[FlightRecord], needed_rad_s: float, 
     flown = [record for record in logs if record.topics]
     if not flown or any(rich_excitations(record, axis) for record in flown):
         return capital(sweep if command else f"{sweep}.")
-    by_stick = f"With a steady throttle, fly 30 s in acro with fast {axis} flicks"
-    return f"{by_stick}; or {sweep}" if command else f"{by_stick}."
+    stick = capital(flight_by_stick(axis))
+    return f"{stick}; or {sweep}" if command else f"{stick}."
 
 
 def _hz(omega_rad_s: float) -> str:

@@ -44,7 +44,10 @@ def test_gains_are_not_proposed_beyond_the_reach_of_a_plant() -> None:
     require_known("roll", plant, 119.0)
     with pytest.raises(InsufficientDataError, match=r"measured up to 19.1 Hz only") as refused:
         require_known("roll", plant, 121.0)
-    assert refused.value.remedy == "fly a sweep of roll up to 29 Hz"
+    assert refused.value.remedy == (
+        "fly a sweep of roll up to 29 Hz, or without a sweep fly 30 s in acro at a steady throttle with roll flicks of "
+        "0.25 s and 200°/s to each side"
+    )
 
 
 def test_a_flown_loop_has_no_number_beyond_the_reach_of_its_plant() -> None:
