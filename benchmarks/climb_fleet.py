@@ -14,14 +14,13 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.outer_fleet import HELD_S, MOST_SATURATED, SHOWN, Row, table
-from benchmarks.tuning_fleet import MOST_PEAK, made
+from benchmarks.outer_fleet import HELD_S, MOST_SATURATED, SHOWN, Row, main
+from benchmarks.tuning_fleet import made
 from rotorid import read
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flying import PlanSettings, SimulateSettings, fly_run, plan_for, write_run
@@ -150,23 +149,5 @@ def one(task: tuple[int, bool]) -> Row:
     return row
 
 
-def run(vehicles: int, processes: int = 1) -> list[Row]:
-    tasks = [(number, hard) for hard in (False, True) for number in range(vehicles)]
-    if processes == 1:
-        return [one(task) for task in tasks]
-    with ProcessPoolExecutor(processes) as pool:
-        return list(pool.map(one, tasks))
-
-
-def main(arguments: list[str]) -> None:
-    vehicles = int(arguments[0]) if arguments else 60
-    rows = run(vehicles, int(arguments[1]) if len(arguments) > 1 else 1)
-    print("\n".join(table(rows)).replace(", velocity |", ", climb |"))
-    for row in rows:
-        if row.refused or not row.stable or row.peak > MOST_PEAK or not all(row.inside.values()):
-            missed = [name for name, inside in row.inside.items() if not inside]
-            print(f"{row.vehicle} {'hard' if row.hard else ''}: {row.refused} M_s {row.peak:.2f} {missed}")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(sys.argv[1:], one, "climb")

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -222,7 +222,7 @@ def holds(
         return False
 
 
-def table(rows: list[Row]) -> list[str]:
+def table(rows: list[Row], loop: str) -> list[str]:
     lines = [
         "| fleet | proposals | kept | refused | unstable | M_s ≤ 1.75 (largest) | inside: ω_c, PM, M_s "
         "| place error under gusts, over flown, 10/50/90 % |",
@@ -238,7 +238,7 @@ def table(rows: list[Row]) -> list[str]:
         ]
         peaks = [row.peak for row in flown]
         lines.append(
-            f"| {'hard' if hard else 'plain'}, velocity | {sum(row.changed for row in flown)} of {len(here)} "
+            f"| {'hard' if hard else 'plain'}, {loop} | {sum(row.changed for row in flown)} of {len(here)} "
             f"| {sum(not row.changed for row in flown)} | {sum(bool(row.refused) for row in here)} "
             f"| {sum(not row.stable for row in here)} "
             f"| {share([peak <= MOST_PEAK for peak in peaks])} ({max(peaks):.2f}) | {', '.join(figures)} "
@@ -247,18 +247,18 @@ def table(rows: list[Row]) -> list[str]:
     return lines
 
 
-def run(vehicles: int, processes: int = 1) -> list[Row]:
+def run(flight: Callable[[tuple[int, bool]], Row], vehicles: int, processes: int = 1) -> list[Row]:
     tasks = [(number, hard) for hard in (False, True) for number in range(vehicles)]
     if processes == 1:
-        return [one(task) for task in tasks]
+        return [flight(task) for task in tasks]
     with ProcessPoolExecutor(processes) as pool:
-        return list(pool.map(one, tasks))
+        return list(pool.map(flight, tasks))
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments: list[str], flight: Callable[[tuple[int, bool]], Row] = one, loop: str = "velocity") -> None:
     vehicles = int(arguments[0]) if arguments else 60
-    rows = run(vehicles, int(arguments[1]) if len(arguments) > 1 else 1)
-    print("\n".join(table(rows)))
+    rows = run(flight, vehicles, int(arguments[1]) if len(arguments) > 1 else 1)
+    print("\n".join(table(rows, loop)))
     for row in rows:
         if row.refused or not row.stable or row.peak > MOST_PEAK or not all(row.inside.values()):
             missed = [name for name, inside in row.inside.items() if not inside]
