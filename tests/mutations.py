@@ -82,7 +82,7 @@ TABLE = (
     ),
     *_guards(
         "proposing/proposal.py",
-        "proposing/test_guards.py",
+        "proposing/test_judging_guards.py",
         tune__throttle__wishes=(
             "thrust.flown_range if thrust is not None else (1.0, 1.0),\n        ranges",
             "(1.0, 1.0),\n        ranges",
@@ -90,7 +90,7 @@ TABLE = (
     ),
     *_guards(
         "proposing/judging.py",
-        "proposing/test_guards.py",
+        "proposing/test_judging_guards.py",
         tune__throttle__judged=("made, gain_range=gain_range)", "made)"),
         tune__moving_d__judged=(
             'for name, one in (ends or {"": gains}).items()',
@@ -203,13 +203,13 @@ TABLE = (
     ),
     *_guards(
         "tuning/loops.py",
-        "loops/test_read_margins.py",
+        "loops/test_rate_loops_margins.py",
         review__interval=("np.quantile(values, (0.025, 0.5, 0.975))", "np.quantile(values, (0.405, 0.5, 0.595))"),
         review__std=("std=float(np.std(values)), lower", "std=0.2 * float(np.std(values)), lower"),
     ),
     *_guards(
         "loops/rate_loops.py",
-        "loops/test_read_margins.py",
+        "loops/test_rate_loops_margins.py",
         review__shown=(
             "        numbers[name] = quantity\n",
             "        numbers[name] = replace(quantity, std=0.2 * quantity.std)\n",

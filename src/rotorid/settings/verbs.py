@@ -49,7 +49,7 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "review": "no-models open",
         "simulate": "format speed",
         "track": "first step",
-        "tune": "axes check judge keep noise only robustness",
+        "tune": "axes check filters judge keep noise only robustness",
         "vehicles": "from toml",
         "verify": "low-pass",
         "verify stitch": "controller",

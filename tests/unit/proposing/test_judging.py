@@ -204,7 +204,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         load_gains(tmp_path / "none.params")
     large = tmp_path / "large.params"
     large.write_bytes(b"#" * 2_000_001)
-    with pytest.raises(UsageError, match="too large"):
+    with pytest.raises(UsageError, match="at most 2000000 bytes"):
         load_gains(large)
 
 

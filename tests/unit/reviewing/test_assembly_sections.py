@@ -58,6 +58,7 @@ MAKERS = {
 
 DEPENDS = {
     "loops": {"noise", "next_commands"},
+    "margins": {"filters"},
     "oscillations": {"calm", "next_commands"},
     "vehicle": {"next_commands"},
     "flight": {"next_commands", "drag", "wind"},
