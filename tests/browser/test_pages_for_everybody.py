@@ -269,7 +269,7 @@ def test_the_preferred_theme_is_that_of_every_picture(
     shown(page, themed(made(name), theme, tmp_path))
     if name == "gains":
         page.click(".axis > summary")
-        page.click(".by-hand > summary")
+        page.click(".by-hand .minor > summary")
     for key in PICTURES[name]:
         page.wait_for_selector(f"[data-picture={key}] .main-svg")
         drawn = f"document.querySelector('[data-picture={key}]').layout.template.layout.font.color"
@@ -281,7 +281,7 @@ def test_every_picture_is_saved_as_lines(name: str, page: Any, tmp_path: Path) -
     shown(page, themed(made(name), None, tmp_path))
     if name == "gains":
         page.click(".axis > summary")
-        page.click(".by-hand > summary")
+        page.click(".by-hand .minor > summary")
     for key in PICTURES[name]:
         page.hover(f"[data-picture={key}]")
         with page.expect_download() as saved:
