@@ -98,7 +98,7 @@ def test_a_result_keeps_the_controller_and_the_filters_of_its_log(name: str, sha
     class Model:
         controller, name = known, "rate.roll"
         provenance = type("Provenance", (), {"sources": sources, "maneuvers": ()})
-        data = type("Data", (), {"command_densities": {}})
+        data = type("Data", (), {"command_densities": {}, "rate_densities": {}})
 
     for axis in RATE_OF:
         kept = flown_axis(axis, Model, None)  # type: ignore[arg-type]

@@ -63,6 +63,7 @@ from rotorid.uncertainty.cramer_rao import Bounds
 RESULT, MODEL, RESPONSES, SCHEMA = "result.json", "model.toml", "responses.npz", "rotorid.result/1"
 
 _DENSITY = "density_"
+_NOISE = "noise_"
 """Beginning of the names of arrays in ``responses.npz`` that hold densities of commands."""
 
 _WANTED = f"a folder that rotorid identify wrote, or its {RESULT}"
@@ -408,6 +409,7 @@ def response_arrays(data: FittedData) -> dict[str, np.ndarray]:
         }
         arrays |= {f"record_{number}_{name}": values for name, values in parts.items()}
     arrays |= {f"{_DENSITY}{command}": density for command, density in data.command_densities.items()}
+    arrays |= {f"{_NOISE}{axis}": density for axis, density in data.rate_densities.items()}
     return arrays | {"model": data.model_response, "fitted": data.used}
 
 
@@ -464,10 +466,13 @@ def _data(document: ResultDocument, structure: LinearStructure, arrays: Mapping[
         used=arrays["fitted"],
         least_coherence=least_coherence(asked, joint=response.estimate == "joint"),
         simulated=tuple(_record(document, arrays, number) for number in range(len(document.records))),
-        command_densities={
-            name.removeprefix(_DENSITY): values for name, values in arrays.items() if name.startswith(_DENSITY)
-        },
+        command_densities=_named(_DENSITY, arrays),
+        rate_densities=_named(_NOISE, arrays),
     )
+
+
+def _named(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): values for name, values in arrays.items() if name.startswith(prefix)}
 
 
 def _response(arrays: Mapping[str, np.ndarray]) -> FrequencyResponse:

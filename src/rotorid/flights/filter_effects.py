@@ -12,7 +12,7 @@ motors have another response in each moment. The feedback is left out: at these 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from rotorid.data.axes import RATE_OF
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.flights.controllers import LogControllers
+from rotorid.flights.controllers import LogControllers, controllers_of
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.models.controller import RateController
 from rotorid.signal.autopilot_filters import controller_filters
@@ -145,6 +145,57 @@ def noise_of_rate(record: FlightRecord, then: FlightRecord, noise: GyroNoise, ax
     density = filtered_density(record, then, noise)[RATE_OF[axis]].mean(axis=0)
     kept = noise.frequency_hz >= NOISE_ABOVE_HZ
     return RateNoise(omega_rad_s=noise.omega_rad_s, density=density * kept / (2.0 * math.pi))
+
+
+def noise_behind(noise: RateNoise, record: FlightRecord, then: FlightRecord) -> RateNoise:
+    """Noise of a rate behind the filters of another record, by that behind the flown ones alone.
+
+    Parameters
+    ----------
+    noise
+        Behind the filters of ``record``.
+    record, then
+        The flown parameters, and others.
+
+    Raises
+    ------
+    InsufficientDataError
+        A notch that follows something changes: its moments are not known.
+    """
+    if moving_notches_change(record, then):
+        raise InsufficientDataError("a notch that moves in flight changes", remedy="give the log with the result")
+    ratio = np.abs(_static_ratio(record, then, noise.omega_rad_s))
+    return replace(noise, density=noise.density * ratio**2)
+
+
+def rate_densities(records: Sequence[FlightRecord], commands: Sequence[str]) -> Mapping[str, FloatArray]:
+    """Noise of the rates of commands, each from the first log that has the command, for a result.
+
+    Parameters
+    ----------
+    records
+        Logs of one vehicle.
+    commands
+        Inputs of a model, of which only commands of roll, pitch and yaw count.
+
+    Returns
+    -------
+    Mapping
+        Axis to rad/s and one-sided density behind the flown filters, shape ``(2, n)``; without those whose log shows
+        no noise of the gyro.
+    """
+    found: dict[str, FloatArray] = {}
+    for axis in RATE_OF:
+        command = f"{axis}_command"
+        record = next((record for record in records if command in record.channel_names), None)
+        if command not in commands or record is None or controllers_of(record).axis(axis) is None:
+            continue
+        try:
+            noise = noise_of_rate(record, record, gyro_noise(record), axis)
+        except InsufficientDataError:
+            continue
+        found[axis] = np.stack([noise.omega_rad_s, noise.density])
+    return found
 
 
 def saved(flown: FloatArray, then: FloatArray) -> Quantity:

@@ -16,6 +16,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_noise import command_densities
 from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.controllers import controllers_of
+from rotorid.flights.filter_effects import rate_densities
 from rotorid.flights.same_vehicle import require_one_vehicle
 from rotorid.identifying.artificial_noise import with_noise_runs
 from rotorid.identifying.derivation import derivation, derivation_findings
@@ -125,7 +126,11 @@ def identify_by(
         parameters=parameters,
         bounds=fitted.bounds,
         fit=report.fit,
-        data=replace(report.data, command_densities=command_densities(records, fitted.structure.inputs)),
+        data=replace(
+            report.data,
+            command_densities=command_densities(records, fitted.structure.inputs),
+            rate_densities=rate_densities(records, fitted.structure.inputs),
+        ),
         verification=method.checks(fitted, unseen),
         verifications=unseen,
         pole_estimates=pole_estimates(report.poles),

@@ -25,7 +25,7 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.command_noise import LEAST_NOISE_HZ, command_density
 from rotorid.flights.controller_check import check_controller
 from rotorid.flights.controllers import LogControllers, controller_as_logged, controllers_of, controllers_of_result
-from rotorid.flights.filter_effects import noise_of_rate, ratio_at_slowest
+from rotorid.flights.filter_effects import noise_behind, noise_of_rate, ratio_at_slowest
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.flights.oscillations import describe, numbers_of, remedy, reviewed_oscillations
 from rotorid.models.autopilots.settings import AxisController
@@ -34,6 +34,7 @@ from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.motors import motor_limits
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.tuning.noise import RateNoise
 from rotorid.typing import Axis, FloatArray, LoopName
 
 _MOST_SATURATED = 0.02
@@ -104,6 +105,8 @@ class LoggedLoop:
         slowly.
     known
         The controllers of all axes, with their source.
+    kept
+        Noise of the rate behind the flown filters, which a result kept of its log; ``None`` for a log.
     """
 
     axis: Axis
@@ -112,6 +115,7 @@ class LoggedLoop:
     source: str
     known: LogControllers
     density: FloatArray | None = None
+    kept: RateNoise | None = None
 
     @cached_property
     def gyro(self) -> GyroNoise | None:
@@ -140,6 +144,7 @@ class LoggedLoop:
         noise
             Density of the noise of the rate, shape ``(f,)``, which counts where that of the gyro is not known.
         """
+        of_gyro = self._gyro_noise(then or self.record)
         source = self.source.removesuffix(UNFILTERED)
         acting = controller_as_logged(self.record, self.controller.controller, source=source)
         filters, logged = combined_response(acting.filters, omega_rad_s), combined_response(self.passed, omega_rad_s)
@@ -147,7 +152,6 @@ class LoggedLoop:
         if then is not None:
             filters = filters * ratio_at_slowest(self.record, then, omega_rad_s)
             controller = self.with_parameters(then).controller
-        of_gyro = None if self.gyro is None else noise_of_rate(self.record, then or self.record, self.gyro, self.axis)
         return ControllerParts(
             controller=controller,
             omega_rad_s=omega_rad_s,
@@ -156,6 +160,12 @@ class LoggedLoop:
             rate_noise=noise,
             gyro_noise=of_gyro,
         )
+
+    def _gyro_noise(self, then: FlightRecord) -> RateNoise | None:
+        """Noise of the rate behind the filters of a record, by the log or by what its result kept."""
+        if self.gyro is not None:
+            return noise_of_rate(self.record, then, self.gyro, self.axis)
+        return None if self.kept is None else noise_behind(self.kept, self.record, then)
 
     def with_parameters(self, record: FlightRecord) -> AxisController:
         """The controller by the parameters of another record."""
@@ -199,11 +209,14 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
         Neither contains the flown gains, or how the rate was filtered.
     """
     command, source = f"{axis}_command", model.provenance.sources.get(RATE_OF[axis], "")
-    known = model.controller
+    known, kept = model.controller, None
     if record is not None:
         own, flown, density = record, controllers_of(record), command_density(record, command)
     elif known is not None:
         own, flown, density = record_of(model), controllers_of_result(known), model.data.command_densities.get(command)
+        if axis in model.data.rate_densities:
+            omega, of_rate = model.data.rate_densities[axis]
+            kept = RateNoise(omega_rad_s=omega, density=of_rate)
     else:
         raise _no_gains(axis, None)
     found = flown.axis(axis)
@@ -214,7 +227,7 @@ def flown_axis(axis: Axis, model: IdentifiedModel, record: FlightRecord | None) 
             f"the result of {axis} is from an older version and does not contain the gyro filters",
             remedy="identify again, or give the log with the result",
         )
-    return LoggedLoop(axis=axis, controller=found, known=flown, record=own, source=source, density=density)
+    return LoggedLoop(axis=axis, controller=found, known=flown, record=own, source=source, density=density, kept=kept)
 
 
 def record_of(model: IdentifiedModel) -> FlightRecord:

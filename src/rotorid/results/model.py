@@ -126,6 +126,9 @@ class FittedData(Immutable):
         What a fit in time was made to: every record, measured and simulated.
     command_densities
         Command of a rate loop to rad/s and one-sided density of it over the whole log, shape ``(2, n)``.
+    rate_densities
+        Axis to rad/s and one-sided density of the noise of its rate behind the flown filters, shape ``(2, n)``, where
+        the log shows that of its gyro.
     filters_removed
         Output to the filters that were taken out of its responses.
     """
@@ -138,6 +141,7 @@ class FittedData(Immutable):
     segments: tuple[Segment, ...] = ()
     simulated: tuple[SimulatedRecord, ...] = ()
     command_densities: Mapping[str, FloatArray] = field(default_factory=dict)
+    rate_densities: Mapping[str, FloatArray] = field(default_factory=dict)
     filters_removed: Mapping[str, RemovedFilters] = field(default_factory=dict)
 
 

@@ -12,7 +12,7 @@ from tests.unit.loops.test_filter_choice import ARDUPILOT
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.controllers import controllers_of
-from rotorid.flights.filter_effects import command_powers, filtered_density
+from rotorid.flights.filter_effects import command_powers, filtered_density, noise_of_rate, with_parameters
 from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
@@ -121,6 +121,26 @@ def test_plain_tune_counts_the_same_noise_as_the_curve(record: FlightRecord) -> 
     density = filtered_density(record, record, noise)["p"]
     power = command_powers(roll.controller.controller, noise, density).mean()
     assert roll.parts.noise(roll.gains) == pytest.approx(np.sqrt(power))
+
+
+def test_a_result_alone_counts_the_noise_of_its_log(record: FlightRecord) -> None:
+    roll = known_axes(record)["roll"]
+    alone = replace(record, topics=())
+    result = replace(roll.flown, record=alone, kept=noise_of_rate(record, record, gyro_noise(record), "roll"))
+    noises = []
+    for values in ({}, {"INS_GYRO_FILTER": 25.0}):
+        by_result, by_log = (
+            loop.parts(roll.omega_rad_s, then=with_parameters(own, values)).noise(roll.gains)
+            for loop, own in ((result, alone), (roll.flown, record))
+        )
+        assert by_result == pytest.approx(by_log)
+        noises.append(by_result)
+    assert noises[0] != pytest.approx(noises[1], rel=0.02)
+    # How fast the motors turned is not in a result.
+    notch = {"ENABLE": 1.0, "MODE": 3.0, "FREQ": 90.0, "BW": 45.0, "ATT": 40.0, "REF": 1.0, "HMNCS": 1.0}
+    notch = {f"INS_HNTCH_{name}": value for name, value in notch.items()}
+    with pytest.raises(InsufficientDataError, match="a notch that moves in flight changes"):
+        result.parts(roll.omega_rad_s, then=with_parameters(alone, notch))
 
 
 def test_a_slow_log_shows_no_noise_of_the_gyro() -> None:
