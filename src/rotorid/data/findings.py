@@ -80,7 +80,7 @@ def remark(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
     Parameters
     ----------
     kind
-        Which finding it is, see ``docs/findings.md``.
+        Which finding it is, see ``docs/results.md``.
     where
         What it concerns: a parameter, a response, a channel, a log.
     message
@@ -102,7 +102,7 @@ def warn(kind: str, where: str, message: str, /, **numbers: float) -> Finding:
     Parameters
     ----------
     kind
-        Which finding it is, see ``docs/findings.md``.
+        Which finding it is, see ``docs/results.md``.
     where
         What it concerns: a parameter, a response, a channel, a log.
     message
@@ -124,7 +124,7 @@ def refusal(kind: str, where: str, message: str, /, **numbers: float) -> Finding
     Parameters
     ----------
     kind
-        Which finding it is, see ``docs/findings.md``.
+        Which finding it is, see ``docs/results.md``.
     where
         What it concerns: a parameter, a response, a channel, a log.
     message
