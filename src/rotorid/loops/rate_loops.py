@@ -45,12 +45,12 @@ from rotorid.loops.plants import (
     WholeFlight,
     drawn_plant,
     enters_the_mixer,
-    identified_plant,
     moved_stick,
     ordinary_plant,
     swept_plant,
     whole_flight,
 )
+from rotorid.loops.throttle import plant_at_hover
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
@@ -213,11 +213,11 @@ def rate_loop(
 
 
 def _as_identified(whole: WholeFlight, record: FlightRecord) -> MeasuredPlant | None:
-    """The plant of an ordinary flight as ``identify`` measures it; ``None`` where it takes no part of the flight."""
+    """The plant of an ordinary flight as ``identify`` measures it, at hover; ``None`` where it takes no part of the flight."""
     if whole.idle and not find_excitations(record, whole.axis):
         return None
     try:
-        found = identified_plant(whole.axis, [record])
+        found = plant_at_hover(whole.axis, [record])
     except InsufficientDataError:
         return None
     if found is None:

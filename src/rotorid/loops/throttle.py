@@ -23,10 +23,10 @@ from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.segments import cut
 from rotorid.flights.selection import by_stick
-from rotorid.loops.plants import MeasuredPlant
+from rotorid.loops.plants import MeasuredPlant, identified_plant
 from rotorid.signal.excitations import rich_excitations
 from rotorid.signal.motors import logged_outputs
-from rotorid.typing import ComplexArray, FloatArray, IntArray
+from rotorid.typing import Axis, ComplexArray, FloatArray, IntArray
 
 _THROTTLE = "thrust_command"
 _STEADY = 0.05
@@ -50,6 +50,23 @@ class _Spectra(NamedTuple):
     instruments: ComplexArray
     inputs: ComplexArray
     output: ComplexArray
+
+
+def plant_at_hover(axis: Axis, records: Sequence[FlightRecord]) -> MeasuredPlant | None:
+    """The plant as ``identify`` measures it, at the throttle of hover: the one that is reviewed, judged and tuned.
+
+    Parameters
+    ----------
+    axis, records
+        As for :func:`rotorid.loops.plants.identified_plant`, which may give ``None``.
+
+    Raises
+    ------
+    InsufficientDataError
+        The flights show too little.
+    """
+    plant = identified_plant(axis, records)
+    return plant and at_hover_throttle(plant, records)
 
 
 def at_hover_throttle(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> MeasuredPlant:

@@ -12,8 +12,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.flights.same_vehicle import different_gains, gains_of
-from rotorid.loops.plants import identified_plant
-from rotorid.loops.throttle import at_hover_throttle
+from rotorid.loops.throttle import plant_at_hover
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import (
@@ -194,8 +193,7 @@ def known_axis(
     findings += require_controller_match(flown) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
     # A given result may contain choices of its user; logs alone give what every command measures from them.
-    swept = None if model in given else identified_plant(axis, logs_of(axis, logs))
-    swept = swept and at_hover_throttle(swept, logs_of(axis, logs))
+    swept = None if model in given else plant_at_hover(axis, logs_of(axis, logs))
     plant = plant_of(model, axis, draws=draws, seed=seed, passed=flown.passed, measured=swept)
     omega = frequency_grid(flown.controller.controller)
     noise = flown.rate_noise(omega, plant.band_rad_s)
