@@ -213,7 +213,7 @@ def rate_loop(
 
 
 def _as_identified(whole: WholeFlight, record: FlightRecord) -> MeasuredPlant | None:
-    """The plant of an ordinary flight as ``identify`` measures it, at hover; ``None`` where it takes no part of the flight."""
+    """The plant of an ordinary flight as ``identify`` measures it, at hover; ``None`` where it takes no part of it."""
     if whole.idle and not find_excitations(record, whole.axis):
         return None
     try:
