@@ -189,24 +189,89 @@ def step_errors(
         raise InsufficientDataError(
             f"the stretch lasts {samples * step_s:.2g} s", needed=f"more than the {steps * step_s:.2g} s of prediction"
         )
-    count = min(samples - steps, most_starts)
-    starts = np.linspace(0, samples - steps - 1, count).round().astype(np.int64)
-    body, first = _Body(values, airframe, np.zeros(2) if wind is None else wind), states.at(starts)
-    now = first
+    starts = spread_starts(samples, steps=steps, most=most_starts)
+    predicted = predicted_steps(values, airframe, states, speeds, step_s=step_s, steps=steps, starts=starts, wind=wind)
+    return score_steps(predicted, states, starts=starts, step_s=step_s)
+
+
+def spread_starts(samples: int, *, steps: int, most: int = _MOST_STARTS) -> IntArray:
+    """Samples to predict from, evenly over a log that goes on for so many steps after the last.
+
+    Examples
+    --------
+    >>> spread_starts(6, steps=2).tolist(), spread_starts(100, steps=50, most=3).tolist()
+    ([0, 1, 2, 3], [0, 24, 49])
+    """
+    return np.linspace(0, samples - steps - 1, min(samples - steps, most)).round().astype(np.int64)
+
+
+def predicted_steps(
+    values: Mapping[str, float],
+    airframe: Airframe,
+    states: FlightState,
+    speeds: FloatArray,
+    *,
+    step_s: float,
+    steps: int,
+    starts: IntArray,
+    wind: FloatArray | None = None,
+) -> FlightState:
+    """States that a model predicts after each start, every quantity of shape ``(rows, steps, starts)``.
+
+    Parameters
+    ----------
+    values, airframe, states, speeds, step_s, steps, wind
+        As for :func:`step_errors`.
+    starts
+        Samples from whose measured state it begins.
+    """
+    body, now = _Body(values, airframe, np.zeros(2) if wind is None else wind), states.at(starts)
+    reached = []
+    for step in range(steps):
+        now = body.advanced(now, speeds[:, starts + step], speeds[:, starts + step + 1], step_s)
+        reached.append(now)
+    return _stacked(reached)
+
+
+def kept_steps(states: FlightState, *, steps: int, starts: IntArray) -> FlightState:
+    """The naive prediction: the state of each start, unchanged; of the shape of :func:`predicted_steps`."""
+    return _stacked([states.at(starts)] * steps)
+
+
+def score_steps(predicted: FlightState, states: FlightState, *, starts: IntArray, step_s: float) -> StepErrors:
+    """Errors of predictions, whoever made them, and of a state that is kept.
+
+    Parameters
+    ----------
+    predicted
+        Every quantity of shape ``(rows, steps, starts)``.
+    states
+        Of the log.
+    starts
+        Samples from which it was predicted.
+    step_s
+        Between samples.
+    """
+    first, steps = states.at(starts), predicted.position.shape[1]
     model: dict[str, list[float]] = {name: [] for name in QUANTITIES}
     naive: dict[str, list[float]] = {name: [] for name in QUANTITIES}
     for step in range(steps):
-        now = body.advanced(now, speeds[:, starts + step], speeds[:, starts + step + 1], step_s)
         there = states.at(starts + step + 1)
-        for kept, predicted in ((model, now), (naive, first)):
-            for name, error in _errors(there, predicted).items():
+        reached = FlightState(*(rows[:, step] for rows in predicted))
+        for kept, found in ((model, reached), (naive, first)):
+            for name, error in _errors(there, found).items():
                 kept[name].append(float(error.mean()))
     return StepErrors(
         horizons_s=np.arange(1, steps + 1) * np.float64(step_s),
         model={name: np.array(row) for name, row in model.items()},
         naive={name: np.array(row) for name, row in naive.items()},
-        starts=count,
+        starts=starts.size,
     )
+
+
+def _stacked(reached: Sequence[FlightState]) -> FlightState:
+    """States after each step, shape ``(rows, steps, starts)``."""
+    return FlightState(*(np.stack(rows, axis=1) for rows in zip(*reached, strict=True)))
 
 
 def pieces(

@@ -381,6 +381,23 @@ def moment_error(
     return np.asarray(weights * (acceleration - (moment - coupled) / known))
 
 
+def missed_moment(moment: FloatArray, record: MotorRecord, driven: Motion, inertia: Sequence[float]) -> FloatArray:
+    r"""Error of a moment that anybody predicts, N m, shape ``(3, k)``, filtered and thinned as by :func:`moment_error`.
+
+    .. math:: J \dot\omega + \omega \times J \omega - M
+
+    Parameters
+    ----------
+    moment
+        About the center of gravity, N m, shape ``(3, n)``.
+    inertia
+        J about the three axes, kg m².
+    """
+    known = np.asarray(inertia, dtype=np.float64)
+    measured = known[:, None] * driven.acceleration + _gyroscopic(known, driven.rates)
+    return _compared(measured - moment, record.sample_rate_hz)
+
+
 def center_of(values: Mapping[str, float], airframe: Airframe, record: MotorRecord, driven: Motion) -> dict[str, float]:
     """Center of gravity of one flight of a known vehicle, ``x_cg`` and ``y_cg`` in m.
 
