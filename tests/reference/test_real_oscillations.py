@@ -11,8 +11,8 @@ import rotorid
 from rotorid.documents.review import review_document
 from rotorid.errors import InsufficientDataError
 from rotorid.proposing.flown_gains import require_room
-from rotorid.report.unavailable import gathered
 from rotorid.reviewing.cards import cards
+from rotorid.reviewing.unavailable import gathered
 from rotorid.signal.oscillations import check_oscillations
 
 Read = Callable[[str], rotorid.FlightRecord]

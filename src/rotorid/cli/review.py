@@ -174,9 +174,9 @@ def _states(name: str, answers: Sequence[Card]) -> str:
 def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bool = False, page: str = PAGE) -> None:
     """What flew, seven answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
-    from rotorid.report.unavailable import gathered
     from rotorid.reviewing.baseline import left_out_words
     from rotorid.reviewing.cards import cards
+    from rotorid.reviewing.unavailable import gathered
 
     console = output_console()
 

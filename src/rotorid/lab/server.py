@@ -16,8 +16,8 @@ from rotorid.lab.session import OpenLog, Ran, Session, curves, document, parts
 from rotorid.lab.steps import Step, first_wrong
 from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job
-from rotorid.report.unavailable import gathered
 from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.unavailable import gathered
 from rotorid.reviewing.values import Unavailable
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
 from rotorid.report.frame import Picture, drawn, render
 from rotorid.report.parts import finding_rows
-from rotorid.report.unavailable import merged_axes
 from rotorid.reviewing.inspection import Inspection, answering_model, coverage
+from rotorid.reviewing.unavailable import merged_axes
 from rotorid.reviewing.values import Unavailable
 from rotorid.signal.airborne import evidence_words
 from rotorid.signal.excitations import excitation_signals

@@ -23,7 +23,6 @@ from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, setpoint_traces, spectra, step_answers
 from rotorid.report.frame import Picture, in_all_units, render, with_files
 from rotorid.report.parts import FindingRow, finding_rows
-from rotorid.report.unavailable import gathered
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate
 from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
@@ -34,6 +33,7 @@ from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
 from rotorid.reviewing.filters import filter_files
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.motors import possible_causes
+from rotorid.reviewing.unavailable import gathered
 from rotorid.reviewing.values import (
     BaselineReview,
     LoopReview,

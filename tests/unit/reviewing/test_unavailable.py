@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rotorid.report.unavailable import gathered
+from rotorid.reviewing.unavailable import gathered
 from rotorid.reviewing.values import Unavailable
 
 
