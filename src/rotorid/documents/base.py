@@ -24,19 +24,21 @@ class Document(BaseModel):
     )
 
 
-def to_json(document: Document) -> str:
+def to_json(document: Document, *, indent: int | None = 2) -> str:
     """A document as JSON text, with the names of its schema.
 
     Parameters
     ----------
     document
         With numbers as they are; what is not finite is ``null``.
+    indent
+        Spaces of each level; ``None`` writes one line, for programs.
     """
     try:
-        text = document.model_dump_json(by_alias=True, indent=2)
+        text = document.model_dump_json(by_alias=True, indent=indent)
     except PydanticSerializationError:
         # A name of a file that is no text.
-        text = in_json(_shown(document.model_dump(by_alias=True)), indent=2, inf_nan_mode="null").decode()
+        text = in_json(_shown(document.model_dump(by_alias=True)), indent=indent, inf_nan_mode="null").decode()
     # JSON writes out what ASCII hides, and may write out the rest.
     return HIDDEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text) + "\n"
 

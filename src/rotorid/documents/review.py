@@ -314,7 +314,7 @@ def review_document(review: Review) -> ReviewDocument:
         vehicle=VehicleReviewDocument.model_validate(review.vehicle),
         flights=[FlightReviewDocument(start_s=start_s, stop_s=stop_s) for start_s, stop_s in review.flight.flights],
         seen_in=review.flight.seen_in,
-        control=_control(review),
+        control=control_document(review),
         modes=dict(review.flight.modes),
         battery=_numbers(review.flight.battery),
         hover_throttle=_number(review.flight.hover_throttle),
@@ -404,7 +404,7 @@ def _finite_number(quantity: Quantity) -> QuantityDocument:
     )
 
 
-def _control(review: Review) -> ControlDocument | None:
+def control_document(review: Review) -> ControlDocument | None:
     """A loss of control or an end in the air; a hard landing is among the findings."""
     found = review.control
     if found is None or (found.lost_at_s is None and not found.ends_in_air):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from rotorid.documents.base import Document
 from rotorid.documents.bench import BenchDesignDocument
+from rotorid.documents.brief import BriefDocument, BriefsDocument
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
 from rotorid.documents.design import DesignDocument, PlanDocument, SimulationDocument
@@ -41,6 +42,8 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.inspections-1": InspectionsDocument,
     "rotorid.review-1": ReviewDocument,
     "rotorid.reviews-1": ReviewsDocument,
+    "rotorid.brief-1": BriefDocument,
+    "rotorid.briefs-1": BriefsDocument,
     "rotorid.export-1": ExportDocument,
     "rotorid.models-1": ModelsDocument,
     "rotorid.flown-1": FlownDocument,
