@@ -28,6 +28,7 @@ from rotorid.cli.inspect import plan_of
 from rotorid.cli.options import AgainstPlan, ForPaper, Logs, Map, Only, Output
 from rotorid.data.display import capital, counted
 from rotorid.data.findings import worst_first
+from rotorid.errors import UsageError
 from rotorid.reviewing.settings import ReviewSettings
 from rotorid.settings.option import Option
 
@@ -51,6 +52,9 @@ def review_command(
     settings: ReviewSettings,
     show: Annotated[bool, Option("--open", "Show the page in the browser.")] = False,
     output: Output,
+    brief: Annotated[
+        bool, Option("--brief", "With --json: answers, numbers, evidence below 20 kB.", "Results")
+    ] = False,
     paper: Annotated[ForPaper, Only("figures", "pdf")],
 ) -> None:
     """Analyze an ordinary flight: seven answers, and what to fly next (same as rotorid LOG)."""
@@ -59,6 +63,8 @@ def review_command(
     from rotorid.report.review import render_reviews
     from rotorid.reviewing.assembly import has_answers, review
 
+    if brief and not output.json:
+        raise UsageError("--brief shortens the JSON", remedy="add --json")
     found = Found.behind(logs)
     target = target_of(output, default_folder(found.files, "review"), FILE, paper)
     wanted = plan_of(plan)
@@ -77,7 +83,7 @@ def review_command(
             print_if_asked(made.place, paper)
     found.say_skipped()
     if output.json:
-        sys.stdout.write(text)
+        sys.stdout.write(_brief(reviews) if brief else text)
     elif not output.quiet:
         if len(reviews) > 1 and not output.verbose:
             _print_several(reviews)
@@ -106,6 +112,15 @@ def _document(reviews: Sequence[Review]) -> Document:
 
     documents = [review_document(review) for review in reviews]
     return documents[0] if len(documents) == 1 else ReviewsDocument(reviews=documents)
+
+
+def _brief(reviews: Sequence[Review]) -> str:
+    """One line of JSON, of all logs."""
+    from rotorid.documents.base import to_json
+    from rotorid.documents.brief import BriefsDocument, brief_document
+
+    documents = [brief_document(review) for review in reviews]
+    return to_json(documents[0] if len(documents) == 1 else BriefsDocument(reviews=documents), indent=None)
 
 
 def _write(folder: Path, text: str, page: str, reviews: Sequence[Review]) -> None:

@@ -36,6 +36,24 @@ def test_writes_page_numbers_and_curves(reviewed: tuple[Path, str]) -> None:
     assert {card["state"] for card in told["cards"]} <= {"good", "look", "part", "cannot"}
 
 
+def test_the_brief_is_one_line_of_json_about_the_same_flight(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("review", flight, "--no-models", "--out", tmp_path / "out", "--json", "--brief")
+    assert ran.code == 0
+    assert ran.out.count("\n") == 1
+    assert len(ran.out.encode()) < 20_000
+    brief, whole = json.loads(ran.out), json.loads((tmp_path / "out" / "review.json").read_text(encoding="utf-8"))
+    assert brief["schema"] == "rotorid.brief/1"
+    assert [answer["state"] for answer in brief["answers"]] == [card["state"] for card in whole["cards"]]
+    assert brief["next_commands"] == whole["next_commands"]
+
+
+def test_the_brief_is_json_only(flight: Path, tmp_path: Path) -> None:
+    ran = rotorid("review", flight, "--out", tmp_path / "out", "--brief")
+    assert ran.code == 2
+    assert ran.err == "rotorid: --brief shortens the JSON; add --json.\n"
+    assert not (tmp_path / "out").exists()
+
+
 def test_many_logs_fit_on_a_screen_with_what_to_look_at_first(capsys: pytest.CaptureFixture[str]) -> None:
     many = [replace(made_review(), name=f"{place}.ulg") for place in range(30)]
     _print_several(many)
