@@ -3,7 +3,8 @@ r"""Vehicles that could have been identified as well: drawn from the covariance 
 .. math:: \theta^{(k)} \sim \mathcal N(\hat\theta, \, P)
 
 jointly for the parameters of one result, independently for those of several, and joined anew. A draw that is no
-vehicle, as one with a negative inertia, is drawn again and counted.
+vehicle, as one with a negative inertia or one that the air drives where it brakes the identified one, is drawn again
+and counted.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from rotorid.results.model import IdentifiedModel
 
 _POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
+
+_BRAKING = ("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r")
 
 _TRIALS_PER_DRAW = 100
 """Impossible vehicles for each one that was wanted, beyond which the results are known too badly."""
@@ -69,17 +72,28 @@ def draws(
     return made, redrawn
 
 
-def require_possible(vehicle: JoinedVehicle) -> None:
+def require_possible(vehicle: JoinedVehicle, identified: JoinedVehicle) -> None:
     """Refuse a drawn vehicle that cannot be.
+
+    Parameters
+    ----------
+    vehicle
+        As it was drawn.
+    identified
+        Of the same results as they are: only drag and damping that brake it have to brake each draw.
 
     Raises
     ------
     ModelError
-        A mass, an inertia, a lag or the torque of the rotors is not positive, or the rotors do not carry the weight.
+        A mass, an inertia, a lag or the torque of the rotors is not positive, drag or damping drives the motion, or the
+        rotors do not carry the weight.
     """
     numbers = vehicle.numbers
     if wrong := [name for name in _POSITIVE if name in numbers and numbers[name].value <= 0.0]:
         raise ModelError(f"{', '.join(wrong)} would be negative", needed="positive numbers")
+    braking = [name for name in _BRAKING if name in identified.numbers and identified.numbers[name].value < 0.0]
+    if driving := [name for name in braking if name in numbers and numbers[name].value > 0.0]:
+        raise ModelError(f"{', '.join(driving)} would drive the motion", needed="negative numbers")
     if vehicle.multirotor is not None:
         _ = vehicle.multirotor.hover_shares
 

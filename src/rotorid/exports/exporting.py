@@ -128,6 +128,8 @@ def export_draws(
 
     Raises
     ------
+    UsageError
+        The vehicle needs a number that is not known, so that every draw does.
     ModelError
         Hardly any draw is a vehicle.
     """
@@ -135,9 +137,12 @@ def export_draws(
 
     from rotorid.exports.draws import draws, require_possible
 
+    identified = _made(models, choices, given, layout, like)
+    export(identified, target, choices)
+
     def made(drawn: Sequence[IdentifiedModel]) -> Exported:
         vehicle = _made(drawn, choices, given, layout, like)
-        require_possible(vehicle)
+        require_possible(vehicle, identified)
         return export(vehicle, target, choices)
 
     return draws(models, count, made, rng=np.random.default_rng(seed))
@@ -205,9 +210,9 @@ def joined(
     from rotorid.exports.draws import draws, require_possible
 
     def made(drawn: Sequence[IdentifiedModel]) -> JoinedVehicle:
-        vehicle = _made(drawn, choices, given, layout, like)
-        require_possible(vehicle)
-        return vehicle
+        found = _made(drawn, choices, given, layout, like)
+        require_possible(found, vehicle)
+        return found
 
     try:
         drawn, _ = draws(models, _DRAWS, made, rng=np.random.default_rng(0))

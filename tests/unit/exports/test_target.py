@@ -113,6 +113,24 @@ def test_impossible_draws_are_drawn_again_and_counted() -> None:
     assert redrawn > 0
 
 
+def test_air_that_brakes_the_vehicle_brakes_every_draw() -> None:
+    """Drag of -0.3 ± 0.9 1/s: more than a third of the draws would be driven, where the identified one is not."""
+    vague = hover(X_u=-0.3)
+    scale = np.where(np.array(vague.bounds.names) == "X_u", 3.0 / 0.03, 1.0)
+    vague = replace(vague, bounds=replace(vague.bounds, covariance=vague.bounds.covariance * np.outer(scale, scale)))
+    made, redrawn = export_draws([motors(I_zz=0.038), vague], "mujoco", ExportSettings(), 20)
+    drag = [row.identified for exported in made for row in exported.compared if row.name == "X_u"]
+    assert len(drag) == 20
+    assert max(drag) < 0.0
+    assert np.std(drag) > 0.3
+    assert redrawn > 0
+
+
+def test_draws_of_a_vehicle_that_lacks_a_number_ask_for_it() -> None:
+    with pytest.raises(UsageError, match="add --set kappa=M"):
+        export_draws([motors()], "mujoco", ExportSettings(), 5)
+
+
 def test_draws_of_several_results_join_anew() -> None:
     made, _ = export_draws(
         [motors(I_zz=0.038), hover(X_u=-0.3, M_u=1.1, M_q=-0.71)], "px4-sih", ExportSettings(), 4, seed=5
