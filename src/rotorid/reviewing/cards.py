@@ -30,7 +30,7 @@ from rotorid.reviewing.card import (
     lower_first,
     together,
 )
-from rotorid.reviewing.filters import filter_card
+from rotorid.reviewing.filters import MOTOR_NOISE_SCALE, filter_card
 from rotorid.reviewing.motors import EVEN, possible_causes
 from rotorid.reviewing.values import Review, Unavailable
 from rotorid.signal.witnesses import MOTION
@@ -315,8 +315,10 @@ def _noise(review: Review) -> Card:
     shares = [number for number in judged if number.name.endswith("_d_noise_share")]
     loud = max(shares, key=lambda number: number.quantity.value, default=None)
     first = shaken or loud
-    number = "" if first is None else first.figure.shown(first.quantity) + " of the motor range" * (first is loud)
+    number = "" if first is None else first.figure.shown(first.quantity)
     scale = "" if first is None else first.scale
+    if first is not None and first is loud:
+        number, scale = f"{first.figure.before} {number} of the motor range", MOTOR_NOISE_SCALE
     if review.oscillations:
         return Card(key=key, title=title, state="look", headline=_stop_first(review), number=number, scale=scale)
     clipping = noise.numbers.get("clipping_share")

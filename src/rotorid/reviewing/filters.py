@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rotorid.data.axes import RATE_OF
 from rotorid.data.display import capital, counted, listed
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
@@ -23,7 +25,12 @@ if TYPE_CHECKING:
 
 TITLE = "Are the filters right?"
 
-_SCALE = f"below {100.0 * NOISY:g} % is quiet"
+MOTOR_NOISE_SCALE = (
+    f"below {100.0 * NOISY:g} % is quiet, above {QUANTITIES['roll_d_noise_share'].limit_text()} is trouble"
+)
+"""What is usual for noise in the commands of the motors, over their range, of D alone and of P and D together."""
+
+_MARGINS = {"phase_margin_deg", "sensitivity_peak"}
 
 _WORDS: Mapping[FilterGroup, str] = {
     "moving notch": "a notch that follows the motors",
@@ -105,9 +112,10 @@ def filter_card(review: Review) -> Card:
             headline=why,
             remedy="" if gap is None else gap.remedy,
         )
-    number = f"noise {100.0 * found.rms:.2g} % of the motor range"
-    unchecked = f"Not checked: {listed(list(found.unchecked))}." if found.unchecked else ""
-    card = Card(key="filters", title=TITLE, state="good", headline="", number=number, scale=_SCALE)
+    number = f"noise through P and D {100.0 * found.rms:.2g} % of the motor range"
+    unknown = _unknown_margins(review, found)
+    unchecked = f"Not checked, since their margins are not known: {listed(unknown)}." if unknown else ""
+    card = Card(key="filters", title=TITLE, state="good", headline="", number=number, scale=MOTOR_NOISE_SCALE)
     if found.changed:
         return _with(card, "look", _changed_words(found), together(_settings(found), unchecked))
     if found.need == "noise":
@@ -117,7 +125,17 @@ def filter_card(review: Review) -> Card:
         advice = "Balance the propellers and mount the autopilot more softly."
         return _with(card, "look", "Much noise reaches the motors.", together(why, advice, unchecked))
     words = "Keep your filters: little noise reaches the motors."
-    return _with(card, "part" if found.unchecked else "good", words, unchecked)
+    return _with(card, "part" if unknown else "good", words, unchecked)
+
+
+def _unknown_margins(review: Review, found: FilterProposal) -> list[Axis]:
+    """Axes that the filters reach and whose margins are unknown: one of them may be too small."""
+    unknown: set[Axis] = {axis for axis, verdict in found.verdicts.items() if verdict.verdict == "not_enough_data"}
+    for axis in (*found.flown.powers, *found.verdicts):
+        margin = review.margins.get(axis)
+        if margin is None or margin.stick_idle or not margin.numbers.keys() >= _MARGINS:
+            unknown.add(axis)
+    return [axis for axis in RATE_OF if axis in {*found.unchecked, *unknown}]
 
 
 def _with(card: Card, state: State, headline: str, details: str) -> Card:

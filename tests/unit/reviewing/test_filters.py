@@ -13,13 +13,18 @@ from tests.unit.loops.test_filter_choice import ARDUPILOT, CRAFTS, loops_of
 from rotorid.documents.filters import filter_documents
 from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.loops.filter_choice import FilterProposal, propose_filters
-from rotorid.reviewing.filters import filter_card, filter_files, filters
+from rotorid.reviewing.filters import MOTOR_NOISE_SCALE, filter_card, filter_files, filters
 from rotorid.reviewing.values import Unavailable
 
 
-def seen(name: str, found: FilterProposal | None, *gaps: Unavailable) -> Any:
+def seen(name: str, found: FilterProposal | None, *gaps: Unavailable, idle: tuple[str, ...] = ()) -> Any:
     vehicle = SimpleNamespace(autopilot=name, firmware=CRAFTS[name].firmware)
-    return SimpleNamespace(filters=found, oscillations=(), cannot_tell=gaps, vehicle=vehicle)
+    numbers = dict.fromkeys(("phase_margin_deg", "sensitivity_peak"))
+    margins = {
+        axis: SimpleNamespace(stick_idle=axis in idle, numbers=numbers)
+        for axis in (() if found is None else found.verdicts)
+    }
+    return SimpleNamespace(filters=found, oscillations=(), cannot_tell=gaps, vehicle=vehicle, margins=margins)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +69,23 @@ def test_a_clean_vehicle_keeps_its_filters_on_the_card_too() -> None:
     assert (card.state, card.headline) == ("good", "Keep your filters: little noise reaches the motors.")
     assert filter_files(seen("ArduPilot", found)) == {}
     assert all(one.flown == one.proposed for one in filter_documents(found).values())
+
+
+@pytest.mark.parametrize("unknown", ["its stick was idle", "its verdict is open"])
+def test_filters_of_an_axis_without_margins_are_not_called_right(unknown: str) -> None:
+    record = fly(replace(ARDUPILOT, tones=(0.002,), white=0.0007), seconds=15.0)
+    found = propose_filters(record, gyro_noise(record), loops_of("ArduPilot"))
+    if unknown == "its verdict is open":
+        open_verdict = replace(found.verdicts["pitch"], verdict="not_enough_data")
+        found = replace(found, verdicts={**found.verdicts, "pitch": open_verdict})
+    card = filter_card(seen("ArduPilot", found, idle=("pitch",) if "idle" in unknown else ()))
+    assert (card.state, card.details) == ("part", "Not checked, since their margins are not known: pitch.")
+
+
+def test_motor_noise_has_one_scale_on_the_page(noisy: FilterProposal) -> None:
+    card = filter_card(seen("ArduPilot", noisy))
+    assert card.scale == MOTOR_NOISE_SCALE == "below 1 % is quiet, above 2 % is trouble"
+    assert card.number.startswith("noise through P and D ")
 
 
 def test_a_slow_log_gets_the_one_remedy() -> None:
