@@ -55,7 +55,8 @@ def tune_command(
         Path | None,
         Option(
             "--judge",
-            "Judge the gains in this file: .params, .param, diff, dump, or lines such as roll: P=0.1 D=0.002.",
+            "Judge the gains in this file: .params, .param, diff, dump, or lines such as roll: P=0.1 D=0.002 or climb: "
+            "P=3.",
             "Judging",
             metavar="FILE",
         ),

@@ -28,7 +28,14 @@ from rotorid.models.autopilots.betaflight import as_in_header
 from rotorid.models.autopilots.betaflight_settings import MOVING_GYRO
 from rotorid.models.autopilots.betaflight_sliders import D_IS_BASE_SINCE
 from rotorid.models.autopilots.gains import ahead_of, letter_of, parameters_of
-from rotorid.models.autopilots.outer import OUTER_LOOPS, as_logged, outer_letter, outer_names, outer_settings
+from rotorid.models.autopilots.outer import (
+    OUTER_LOOPS,
+    as_logged,
+    generation_of,
+    outer_letter,
+    outer_names,
+    outer_settings,
+)
 from rotorid.models.autopilots.settings import (
     AxisController,
     Parameter,
@@ -261,9 +268,8 @@ def judge_gains(
         _require_same_firmware(gains, first)
         gains, how = gains.on(first.record.parameters, version_of(first.controller.firmware))
         findings += [remark("gains_read", gains.name, how)] if how else []
-    values = _values(gains, (*known, *refused), flown)
     logged = next((one.record.parameters for one in flown.values()), logged or {})
-    values = as_logged(values, logged)
+    values = as_logged(_values(gains, (*known, *refused), flown, logged), logged)
     wanted = _axes_of(gains, values)
     whole = not gains.preset and (gains.defaults_first or len(gains.values) > _WHOLE_FILE)
     if whole:
@@ -336,7 +342,9 @@ def _axes_of(gains: GainFile, values: Mapping[str, float]) -> tuple[Axis, ...]:
     return tuple(axis for axis in _NAMES_OF if any(axis in axes for axes in named_by.values()))
 
 
-def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, FlownLoop]) -> dict[str, float]:
+def _values(
+    gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, FlownLoop], logged: Mapping[str, float]
+) -> dict[str, float]:
     """Parameters of a file by the names of the log, gains by hand among them."""
     values = dict(gains.values)
     for name, by_letter in gains.by_hand.items():
@@ -346,12 +354,18 @@ def _values(gains: GainFile, axes: Sequence[Axis], flown: Mapping[Axis, FlownLoo
                 needed="such as roll: P=0.1 D=0.002",
                 remedy="or give --axes with one axis",
             )
-        for axis in (axis for axis in flown if name in ("", axis)):
-            parameters = parameters_of(flown[axis].controller)
+        loops: dict[LoopName, Mapping[str, Parameter]] = {
+            axis: parameters_of(one.controller) for axis, one in flown.items() if name in ("", axis)
+        }
+        for loop in (loop for loop in OUTER_LOOPS if loop == name):
+            if (known := generation_of(logged, loop)) is None:
+                raise UsageError(f"the log contains no gains of {loop}", needed=f"such as {outer_names(loop)[0]}")
+            loops[loop] = known.gains
+        for loop, parameters in loops.items():
             for letter, value in by_letter.items():
                 if letter not in parameters:
                     raise UsageError(
-                        f"{letter} of {axis} cannot be set by hand", needed=f"one of {', '.join(parameters)} of {axis}"
+                        f"{letter} of {loop} cannot be set by hand", needed=f"one of {', '.join(parameters)} of {loop}"
                     )
                 own = parameters[letter].name
                 values[next(iter(as_in_header({own: value})), own)] = value

@@ -277,6 +277,8 @@ def tune(
     logs = as_records(records)
     given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
     foreign = judge if judge is None or isinstance(judge, GainFile) else load_gains(judge)
+    if foreign is not None and len(chosen.axes) == len(chosen.outer) == 1:
+        foreign = foreign.of(chosen.outer[0])
     if not given and not logs:
         raise UsageError("nothing to tune", remedy="give logs, results of identify, or both")
     findings = [finding for record in logs for finding in (*record.findings, *controller_findings(record))]

@@ -1,8 +1,8 @@
 """Reads files of gains: what an autopilot's tools write, or a line by hand. Nothing in them is guessed.
 
 PX4's ``.params`` and lines for its shell, ArduPilot's ``.param``, Betaflight's ``diff``, ``dump`` and presets, lines
-such as ``roll: P=0.12 I=0.2 D=0.003 A=6``, in the firmware's own numbers. A file that is damaged, names a value twice
-or mixes autopilots is refused with the line that is wrong.
+such as ``roll: P=0.12 I=0.2 D=0.003 A=6`` or ``climb: P=3``, in the firmware's own numbers. A file that is damaged,
+names a value twice or mixes autopilots is refused with the line that is wrong.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from rotorid.models.autopilots import ardupilot, betaflight, px4
 from rotorid.models.autopilots.betaflight import as_in_header, is_other_program
 from rotorid.models.autopilots.betaflight_settings import LOW_PASSES, command_line_name, header_name, is_type
 from rotorid.models.autopilots.betaflight_sliders import MODES, sliders_applied
+from rotorid.models.autopilots.outer import OUTER_LOOPS
 from rotorid.models.autopilots.settings import Version, version_of
-from rotorid.typing import Axis
+from rotorid.typing import LoopName
 
 LARGEST_BYTES = 2_000_000
 
@@ -31,7 +32,9 @@ _PAIR = re.compile(r"(?P<name>[A-Z][A-Za-z0-9_]{1,39})(?:\s*,\s*|\s+)(?P<value>[
 _SET = re.compile(r"set\s+(?P<name>\w{1,64})\s{0,40}=(?P<value>.*)", re.A)
 _PROFILE = re.compile(r"profile\s+(?P<number>\d+)", re.A)
 _BY_HAND = re.compile(
-    r"(?:(?P<axis>roll|pitch|yaw)[\s:,]{1,20})?(?P<gains>(?:[PIDA]\s{0,9}=\s{0,9}[^\s,;=]+[\s,;]*)+)", re.I | re.A
+    rf"(?:(?P<axis>roll|pitch|yaw|{'|'.join(OUTER_LOOPS)})[\s:,]{{1,20}})?"
+    r"(?P<gains>(?:[PIDA]\s{0,9}=\s{0,9}[^\s,;=]+[\s,;]*)+)",
+    re.I | re.A,
 )
 _GAIN = re.compile(r"([PIDA])\s*=\s*([^\s,;=]+)", re.I)
 _FIRMWARE = re.compile(
@@ -74,7 +77,7 @@ class GainFile(Immutable):
     written
         The same names to those of the file.
     by_hand
-        Axis to its gains ``P``, ``I``, ``D``, ``A``; an empty axis for a line that names none.
+        Axis, or outer loop, to its gains ``P``, ``I``, ``D``, ``A``; an empty one for a line that names none.
     defaults_first
         Whether a file of Betaflight holds only what differs from its defaults.
     preset
@@ -94,7 +97,7 @@ class GainFile(Immutable):
     firmware: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     written: Mapping[str, str] = field(default_factory=dict)
-    by_hand: Mapping[Axis | str, Mapping[str, float]] = field(default_factory=dict)
+    by_hand: Mapping[LoopName | str, Mapping[str, float]] = field(default_factory=dict)
     defaults_first: bool = False
     preset: bool = False
     options: tuple[str, ...] = ()
@@ -110,6 +113,10 @@ class GainFile(Immutable):
             written=self.written,
             by_hand={axis: dict(gains) for axis, gains in self.by_hand.items()},
         )
+
+    def of(self, loop: LoopName) -> GainFile:
+        """The same gains, where those of lines that name no axis are of a loop."""
+        return replace(self, by_hand={loop if name == "" else name: gains for name, gains in self.by_hand.items()})
 
     def on(self, flown: Mapping[str, float], version: Version | None) -> tuple[GainFile, str]:
         """The gains that this file would leave on a vehicle, and a sentence on how it was read; empty if as it stands.
@@ -203,7 +210,7 @@ def read_gains(text: str, *, name: str, include: Callable[[str], str] | None = N
         )
     if any(_SET.fullmatch(line) for line in lines):
         return _betaflight(lines, name, include)
-    by_hand: dict[Axis | str, dict[str, float]] = {}
+    by_hand: dict[LoopName | str, dict[str, float]] = {}
     values: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
         if not line or line.startswith(("#", "//")):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from rotorid.models.autopilots.outer import RENAMED, as_logged, outer_controller
 from rotorid.models.controller import RateController
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.flown_gains import LoggedLoop
-from rotorid.proposing.judging import judge_gains
+from rotorid.proposing.judging import JudgedGains, judge_gains
 from rotorid.proposing.outer import (
     Drag,
     InnerLoop,
@@ -31,7 +32,7 @@ from rotorid.tuning.gain_files import read_gains
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
 from rotorid.tuning.plant import uncertain_plant
 from rotorid.tuning.proposal import propose
-from rotorid.typing import ComplexArray, FloatArray
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 INNER = {"MC_ROLLRATE_P": 0.12, "MC_ROLLRATE_I": 0.3, "MC_ROLLRATE_D": 0.002, "MC_ROLL_P": 6.5}
 PX4 = {
@@ -245,6 +246,40 @@ def test_a_file_of_outer_gains_is_judged(line: str, verdict: str) -> None:
     found = judge_gains(gains, {"roll": inner}, {}, outer=outer)
     assert list(found.axes) == ["velocity"]
     assert found.verdict == verdict
+
+
+@pytest.mark.usefixtures("drag")
+def test_outer_gains_by_hand_are_those_of_the_file() -> None:
+    inner = roll()
+
+    def judge(text: str, name: str) -> JudgedGains:
+        def outer(loop: LoopName, _values: Mapping[str, float]) -> KnownAxis:
+            return known_outer(loop, material(inner), material(inner))[0]
+
+        return judge_gains(read_gains(text, name=name), {"roll": inner}, {}, outer=outer)
+
+    by_hand = judge("velocity: P=2.5 A=1.1", "line.txt")
+    by_name = judge("MPC_XY_VEL_P_ACC,2.5\nMPC_XY_P,1.1", "x.params")
+    assert list(by_hand.axes) == list(by_name.axes) == ["velocity"]
+    assert by_hand.axes["velocity"].judged.gains == by_name.axes["velocity"].judged.gains
+    assert (by_hand.axes["velocity"].judged.gains.P, by_hand.axes["velocity"].judged.gains.A) == (2.5, 1.1)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [("climb: P=3", "the log contains no gains of climb"), ("velocity: P=nan", "P in line 1 of line.txt is nan")],
+)
+def test_outer_gains_by_hand_need_a_loop_and_a_number(line: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        judge_gains(read_gains(line, name="line.txt"), {"roll": roll()}, {})
+
+
+def test_gains_by_hand_use_the_names_of_the_log_and_its_letters() -> None:
+    logged = {"PSC_D_VEL_P": 5.0, "PSC_D_POS_P": 1.0}
+    with pytest.raises(UsageError, match=r"D of climb cannot be set by hand.*P, A of climb"):
+        judge_gains(read_gains("climb: D=1", name="line.txt"), {}, {}, asked=("climb",), logged=logged)
+    (line,) = (read_gains("P=3 A=1", name="line.txt").of("climb").by_hand.items(),)
+    assert dict(line) == {"climb": {"P": 3.0, "A": 1.0}}
 
 
 @pytest.mark.usefixtures("drag")
