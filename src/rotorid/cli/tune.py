@@ -261,7 +261,7 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
 
     from rotorid.documents.tune_check import METHODS, compared_words
     from rotorid.report.frame import frequency_of
-    from rotorid.report.loop_words import LOOP_WORDS
+    from rotorid.report.loop_words import loop_words
     from rotorid.report.tune_words import row_numbers, row_words
 
     console, unit = output_console(), frequency_of(document.provenance.inputs)
@@ -273,7 +273,7 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
         table.add_column(name, justify="right" if name in ("predicted", "measured") else "left")
     for axis, checked in document.axes.items():
         for row in checked.figures:
-            words = f"{row_words(row.name, unit)}, {LOOP_WORDS[row.loop]}"
+            words = f"{row_words(row.name, unit)}, {loop_words(axis)[row.loop]}"
             numbers = (row_numbers(row.name, row.foretold, unit), row_numbers(row.name, row.measured, unit))
             table.add_row(axis, words, *numbers, *((METHODS[row.method],) if verbose else ()), compared_words(row))
     console.print(table)

@@ -17,9 +17,8 @@ from rotorid.errors import UsageError
 from rotorid.io import documents
 from rotorid.io.tables.npz import read_arrays
 from rotorid.proposing.check import CheckedAxis, CheckedTuning, Foretold
-from rotorid.proposing.settings import TUNED_AXES
 from rotorid.results.model import Refused
-from rotorid.typing import AnyArray, Axis
+from rotorid.typing import AnyArray, LoopName
 
 CHECK = "check.json"
 _WANTED = f"a {TUNE} that rotorid tune wrote, or its folder"
@@ -68,7 +67,7 @@ class TuneCheckDocument(Document):
 
     schema_name: Annotated[Literal["rotorid.tune_check/1"], Field(alias="schema")] = "rotorid.tune_check/1"
     as_foretold: bool = False
-    axes: dict[Axis, CheckedAxisDocument] = Field(default_factory=dict)
+    axes: dict[LoopName, CheckedAxisDocument] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
 
@@ -104,8 +103,8 @@ def _axis(checked: CheckedAxis) -> CheckedAxisDocument:
     )
 
 
-def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
-    """The prediction of a proposal, by axis.
+def load_foretold(path: str | Path) -> dict[LoopName, Foretold]:
+    """The prediction of a proposal, by axis and outer loop.
 
     Parameters
     ----------
@@ -130,16 +129,14 @@ def load_foretold(path: str | Path) -> dict[Axis, Foretold]:
         raise UsageError(f"{file} is not a proposal: {error}", needed=_WANTED) from error
     signals_file = file.parent / SIGNALS
     arrays = read_arrays(signals_file) if signals_file.is_file() else {}
-    # An outer loop is measured by no second flight yet.
-    own = [axis for axis in TUNED_AXES if axis in document.axes]
-    expected = {axis: _foretold(axis, document.axes[axis], arrays) for axis in own}
+    expected = {axis: _foretold(axis, tuning, arrays) for axis, tuning in document.axes.items()}
     asked = document.provenance.settings.get("robustness")
     if isinstance(asked, (int, float)):
         expected = {axis: replace(foretold, robustness=float(asked)) for axis, foretold in expected.items()}
     return expected
 
 
-def _foretold(axis: Axis, tuning: AxisTuneDocument, arrays: Mapping[str, AnyArray]) -> Foretold:
+def _foretold(axis: LoopName, tuning: AxisTuneDocument, arrays: Mapping[str, AnyArray]) -> Foretold:
     return Foretold(
         flown={name: gain.flown for name, gain in tuning.gains.items()},
         proposed={name: gain.proposed for name, gain in tuning.gains.items()},

@@ -27,12 +27,14 @@ from rotorid.data.trust import ROBUSTNESS
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
+from rotorid.models.autopilots.outer import OUTER_LOOPS
 from rotorid.proposing.proposal import AxisTuning, tune
-from rotorid.proposing.settings import TuneSettings
+from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
-from rotorid.typing import Axis, ComplexArray, FloatArray
+from rotorid.tuning.kinds import KINDS
+from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
 """Figures that are compared; a gain margin lies outside the measured band in half of the flights and is not."""
@@ -51,6 +53,12 @@ _PEAK_SLACK = 1.03
 """Sensitivity peak relative to the requested limit, up to which a loop counts as robust."""
 
 _LOOP = {"rate": "rate loop", "whole": "with angle loop"}
+
+_SWEEPS: Mapping[LoopName, str] = {
+    "velocity": "Fly a longer sweep of roll and pitch",
+    "climb": "Fly a longer sweep of the thrust",
+}
+"""What shows the plant of an outer loop better, as the beginning of a sentence."""
 _SAME = 5e-3
 """Relative difference up to which gains are the same: a ground station rounds them, and no figure would show it."""
 
@@ -161,23 +169,26 @@ class CheckedTuning(Immutable):
         The worst first.
     provenance
         Of the second flight.
+    unchecked
+        Those with new gains that it does not show.
     """
 
-    axes: Mapping[Axis, CheckedAxis]
+    axes: Mapping[LoopName, CheckedAxis]
     findings: tuple[Finding, ...]
     provenance: Provenance
+    unchecked: tuple[LoopName, ...] = ()
 
     def __post_init__(self) -> None:
         self._set(axes=self.axes, findings=tuple(self.findings))
 
     @property
     def as_foretold(self) -> bool:
-        """Whether every axis flies as it was foretold."""
-        return all(checked.verdict == "as_foretold" for checked in self.axes.values())
+        """Whether every axis with new gains flies as it was foretold."""
+        return not self.unchecked and all(checked.verdict == "as_foretold" for checked in self.axes.values())
 
 
 def check_tuning(
-    foretold: Mapping[Axis, Foretold],
+    foretold: Mapping[LoopName, Foretold],
     records: Records,
     models: Sequence[IdentifiedModel] = (),
     *,
@@ -189,14 +200,14 @@ def check_tuning(
     Parameters
     ----------
     foretold
-        By axis, as ``tune.json`` holds it.
+        By axis and outer loop, as ``tune.json`` holds it.
     records
         Logs of the second flight.
     models
         Rate models of it, where they are at hand.
     settings, **options
-        As for :func:`rotorid.proposing.proposal.tune`. The sensitivity peak that a proposal asked for goes before
-        that of the settings.
+        As for :func:`rotorid.proposing.proposal.tune`. Without axes all of the proposal are compared. The sensitivity
+        peak that a proposal asked for goes before that of the settings.
 
     Raises
     ------
@@ -209,7 +220,8 @@ def check_tuning(
         raise UsageError("the proposal contains no axis", needed="a tune.json with gains of at least one axis")
     chosen = replace(settings or TuneSettings(), **options)
     asked = max(item.robustness for item in foretold.values())
-    axes_compared = tuple(axis for axis in chosen.inner if axis in foretold)
+    wanted = chosen.axes if chosen.axes != TUNED_AXES else (*TUNED_AXES, *OUTER_LOOPS)
+    axes_compared = tuple(axis for axis in wanted if axis in foretold)
     chosen = replace(chosen, axes=axes_compared, filters={}, robustness=asked)
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
@@ -225,13 +237,19 @@ def check_tuning(
         axes=axes,
         findings=worst_first([*(finding for finding in findings if finding is not None), *found.findings]),
         provenance=found.provenance,
+        unchecked=tuple(
+            axis for axis in axes_compared if axis not in axes and foretold[axis].flown != foretold[axis].proposed
+        ),
     )
 
 
-def _injected(axis: Axis, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
+def _injected(axis: LoopName, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
     """Figures of the whole loop by the injections at the mixer, by name; empty where a flight has none."""
+    own = next((tuned for tuned in TUNED_AXES if tuned == axis), None)
+    if own is None:
+        return {}
     try:
-        found = loop_by_injection(axis, logs)
+        found = loop_by_injection(own, logs)
     except (InsufficientDataError, UsageError):
         return {}
     if found is None or found.loop is None or found.margins is None or found.rejection is None:
@@ -248,7 +266,7 @@ def _injected(axis: Axis, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
     return figures
 
 
-def _checked(axis: Axis, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
+def _checked(axis: LoopName, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
     judged = now.proposal.flown
     rate, whole = (shown_quantities(loop, now.plant) for loop in (judged.rate, judged.whole))
     contradicted = any(_contradict(whole[name], measured) for name, measured in injected.items() if name in whole)
@@ -354,7 +372,7 @@ def _which(before: Foretold, logged: Mapping[str, float]) -> str:
 
 
 def _words(
-    axis: Axis, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
+    axis: LoopName, verdict: str, gains: str, figures: Sequence[ComparedFigure], now: AxisTuning, *, contradicted: bool
 ) -> tuple[str, str]:
     """The result and what to do next, in sentences."""
     peak = next((figure for figure in figures if (figure.loop, figure.name) == ("whole", "sensitivity_peak")), None)
@@ -366,13 +384,13 @@ def _words(
         if contradicted
         else ""
     )
-    sweep = f"Fly a sweep of {axis} up to {_hz(max(now.needed_rad_s, now.plant.band_rad_s[1]))}"
+    sweep = _SWEEPS.get(axis) or f"Fly a sweep of {axis} up to {_hz(max(now.needed_rad_s, now.plant.band_rad_s[1]))}"
     if verdict == "other_gains":
         old = gains == "flown"
         which = "the old gains" if old else "neither the new nor the old gains"
         todo = "Load the new gains and fly again" if old else "Tune from this log, or load the new gains and fly again"
         return f"This log was flown with {which}, so nothing can be checked.{peak_words}", f"{todo}."
-    names = _named([figure for figure in figures if figure.decided and not figure.inside])
+    names = _named(axis, [figure for figure in figures if figure.decided and not figure.inside])
     if verdict == "cannot_tell":
         missed = f" These differ from the prediction: {names}." if names else ""
         return (
@@ -382,7 +400,7 @@ def _words(
         )
     if verdict == "as_foretold":
         return (
-            f"The loop is as predicted.{peak_words}{other}",
+            f"The loop is as predicted.{_COMPUTED.get(axis, '')}{peak_words}{other}",
             f"Keep these gains. {_further(axis, sweep, now)}",
         )
     if verdict == "worse":
@@ -402,8 +420,16 @@ def _words(
     )
 
 
-def _named(figures: Sequence[ComparedFigure]) -> str:
-    return ", ".join(f"{QUANTITIES[figure.name].words} ({_LOOP[figure.loop]})" for figure in figures)
+_COMPUTED: Mapping[LoopName, str] = {
+    "velocity": " It was computed from the attitude loop of this flight, not measured.",
+    "climb": " It was computed from the throttle response of this flight, not measured.",
+}
+"""Where the loop of a second flight comes from, if not from its own motion."""
+
+
+def _named(axis: LoopName, figures: Sequence[ComparedFigure]) -> str:
+    words = {loop: KINDS[axis].worded(sentence) for loop, sentence in _LOOP.items()}
+    return ", ".join(f"{QUANTITIES[figure.name].words} ({words[figure.loop]})" for figure in figures)
 
 
 def _undecided(figures: Sequence[ComparedFigure]) -> str:
@@ -417,7 +443,7 @@ def _hz(omega_rad_s: float) -> str:
     return f"{omega_rad_s / (2.0 * math.pi):.0f} Hz"
 
 
-def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
+def _further(axis: LoopName, sweep: str, now: AxisTuning) -> str:
     """What more can be gained."""
     if now.changed:
         return "To improve further, run rotorid tune on this log."
@@ -427,7 +453,7 @@ def _further(axis: Axis, sweep: str, now: AxisTuning) -> str:
     return f"No better gains for {axis} exist within the limits."
 
 
-def _finding(axis: Axis, checked: CheckedAxis) -> Finding | None:
+def _finding(axis: LoopName, checked: CheckedAxis) -> Finding | None:
     if checked.verdict == "as_foretold":
         return None
     kinds = {"other_gains": "other_gains", "cannot_tell": "check_undecided"}

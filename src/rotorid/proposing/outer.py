@@ -14,7 +14,7 @@ Each outer loop is registered in :data:`PLANTS`, by what gives its plant; its na
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -22,10 +22,12 @@ import numpy as np
 
 from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.flights.tilt_drag import TiltDrag, tilt_drag_of
+from rotorid.models.autopilots.climb import acceleration_gains
 from rotorid.models.autopilots.outer import outer_controller, outer_names, outer_settings, velocity_filters
 from rotorid.models.autopilots.settings import AxisController, loop_settings
 from rotorid.proposing.axis import KnownAxis
@@ -368,7 +370,7 @@ def known_outer(loop: LoopName, flown: OuterMaterial, new: OuterMaterial) -> tup
     parts = own.parts(omega)
     plants, before = PLANTS[loop](new), PLANTS[loop](flown)
     axis = max(plants, key=lambda name: _peak(plants[name], parts, own))
-    findings = [_unchecked(own)]
+    findings = [_unchecked(own), *_kept_inside(own)]
     if axis and len(plants) == 1:
         findings.append(_other_axis(loop, axis))
     known = KnownAxis(
@@ -417,6 +419,16 @@ def _unchecked(own: LoggedOuter) -> Finding:
         "set-points was not checked."
     )
     return remark("controller_unchecked", own.axis, message)
+
+
+def _kept_inside(own: LoggedOuter) -> Iterator[Finding]:
+    """That the loop around the acceleration keeps its gains: the climb loop is proposed around it as it flew."""
+    if names := acceleration_gains(own.controller.gains):
+        message = (
+            f"{listed(names)} stay as flown: rotorid judges the loop around the acceleration (--judge FILE), but "
+            "proposes no gains for it."
+        )
+        yield remark("tuning_bound", own.axis, message)
 
 
 def with_values(record: FlightRecord, values: Mapping[str, float]) -> FlightRecord:

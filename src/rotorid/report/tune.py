@@ -26,7 +26,7 @@ from rotorid.proposing.proposal import AxisTuning, TuningProposal
 from rotorid.proposing.steps import step_times_s
 from rotorid.report.filters import choice_picture, choice_rows, choice_sentence
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
-from rotorid.report.loop_words import LOOP_WORDS, answer_of, is_outer, loop_words
+from rotorid.report.loop_words import answer_of, is_outer, loop_words
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     following,
@@ -303,7 +303,7 @@ def render_check(found: CheckedTuning, *, title: str) -> str:
             advice=checked.advice,
             rows=tuple(
                 ComparedRow(
-                    name=f"{_named(row.name)}, {LOOP_WORDS[row.loop]}",
+                    name=f"{_named(row.name)}, {loop_words(axis)[row.loop]}",
                     foretold=_cell(row.name, row.foretold),
                     measured=_cell(row.name, row.measured),
                     method=METHODS[row.method],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, T
 from rotorid.errors import InsufficientDataError
 from rotorid.models.autopilots.climb import acceleration_loop
 from rotorid.proposing.climb import climb_plant, hover_thrust_of
+from rotorid.proposing.outer import OuterMaterial, known_outer
 from rotorid.tuning.plant import uncertain_plant
 from rotorid.typing import ComplexArray, FloatArray
 
@@ -60,6 +63,23 @@ def test_the_loop_around_the_acceleration_is_closed() -> None:
     assert np.allclose(plant.response(OMEGA), inner.closed(velocity(OMEGA), OMEGA), rtol=1e-6)
     # Slowly, the velocity is the integral of what is asked for.
     assert abs(plant.response(np.array([0.5]))[0] * 0.5j) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("velocity_name", "position", "acceleration"),
+    [("PSC_VELZ_P", "PSC_POSZ_P", "PSC_ACCZ_"), ("PSC_D_VEL_P", "PSC_D_POS_P", "PSC_D_ACC_")],
+)
+def test_gains_of_the_acceleration_are_refused_in_one_sentence(
+    velocity_name: str, position: str, acceleration: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gains = {velocity_name: 5.0, position: 1.0, f"{acceleration}P": 0.05, f"{acceleration}I": 0.1}
+    flown = replace(log(), parameters=gains)
+    monkeypatch.setattr("rotorid.proposing.outer.velocity_by_throttle", lambda *_, **__: PLANT)
+    own = OuterMaterial(given=(), logs=(flown,), inner={}, draws=60, seed=0)
+    _, findings = known_outer("climb", own, own)
+    (kept,) = (one.message for one in findings if one.kind == "tuning_bound")
+    assert kept.startswith(f"{acceleration}P and {acceleration}I stay as flown")
+    assert kept.count(". ") == 0
 
 
 def test_an_acceleration_loop_without_margin_is_refused_where_it_flew_and_judged_where_it_is_foreign() -> None:

@@ -13,7 +13,9 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models.autopilots import axis_controller
 from rotorid.models.autopilots.outer import RENAMED, as_logged, outer_controller, outer_parameters
 from rotorid.models.controller import RateController
+from rotorid.proposing import check
 from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.check import Foretold
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.judging import JudgedGains, judge_gains
 from rotorid.proposing.outer import (
@@ -26,10 +28,11 @@ from rotorid.proposing.outer import (
     known_outer,
     velocity_plant,
 )
+from rotorid.proposing.proposal import AxisTuning, _axis
 from rotorid.proposing.settings import TuneSettings
 from rotorid.tuning.firmware import rounded, written
 from rotorid.tuning.gain_files import read_gains
-from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
+from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid, quantities
 from rotorid.tuning.plant import uncertain_plant
 from rotorid.tuning.proposal import propose
 from rotorid.typing import ComplexArray, FloatArray, LoopName
@@ -225,6 +228,34 @@ def test_a_proposal_keeps_the_limits_and_its_range() -> None:
         assert np.quantile(scores.sensitivity_peak, 0.9) <= 1.7 + 1e-9
         assert scores.stable.all()
     assert found.proposed.gains.P <= 2.0 * found.flown.gains.P
+
+
+def tuned(inner: KnownAxis) -> AxisTuning:
+    """The velocity loop of a flight, with what would change now."""
+    known, _ = known_outer("velocity", material(inner), material(inner))
+    return _axis("velocity", known, TuneSettings(axes=("velocity",)), None)
+
+
+@pytest.mark.usefixtures("drag")
+@pytest.mark.parametrize(("angle", "verdict"), [(6.5, "as_foretold"), (2.5, "worse")])
+def test_a_second_flight_is_compared_with_the_predicted_velocity_loop(angle: float, verdict: str) -> None:
+    first = tuned(roll())
+    new = {name: after for name, (_, after) in first.parameters.items()}
+    assert first.changed
+    # Somebody softened the attitude loop meanwhile, on which the velocity loop is built.
+    second = tuned(roll({**PX4, **new, "MC_ROLL_P": angle}))
+    before = Foretold(
+        flown={name: flown for name, (flown, _) in first.parameters.items()},
+        proposed=new,
+        rate=quantities(first.proposal.proposed.rate),
+        whole=quantities(first.proposal.proposed.whole),
+    )
+    found = check._checked("velocity", before, second, {})
+    assert (found.gains, found.verdict) == ("proposed", verdict)
+    if verdict == "as_foretold":
+        assert "computed from the attitude loop of this flight" in found.sentence
+    old = check._checked("velocity", before, first, {})
+    assert (old.gains, old.verdict) == ("flown", "other_gains")
 
 
 @pytest.mark.usefixtures("drag")

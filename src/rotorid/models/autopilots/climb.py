@@ -19,7 +19,7 @@ PX4/PX4-Autopilot ``src/modules/mc_pos_control/PositionControl``; ArduPilot/ardu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -158,6 +158,18 @@ class AccelerationLoop(NamedTuple):
         for one in self.filters:
             total = total * one.response(s, self.controller.step_s)
         return total
+
+
+def acceleration_gains(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of some parameters that are P, I and D of ArduPilot's loop around the vertical acceleration.
+
+    Examples
+    --------
+    >>> acceleration_gains(["PSC_D_VEL_P", "PSC_D_ACC_P", "PSC_D_ACC_IMAX", "PSC_ACCZ_I"])
+    ('PSC_D_ACC_P', 'PSC_ACCZ_I')
+    """
+    known = {f"{prefix}{letter}" for prefix in (_NEW, _OLD) for letter in "PID"}
+    return tuple(name for name in names if name in known)
 
 
 def acceleration_loop(parameters: Mapping[str, float]) -> AccelerationLoop | None:
