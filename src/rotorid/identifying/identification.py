@@ -31,8 +31,8 @@ from rotorid.results.provenance import provenance
 from rotorid.results.summary import ControllerSettings, ParameterEstimate, UnseenCombination
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.motors import MotorSettings
-from rotorid.settings.option import Settings, as_settings
-from rotorid.settings.resolve import Model, read_model, resolve_model
+from rotorid.settings.option import Settings, as_names, as_settings
+from rotorid.settings.resolve import Model, asked_model, read_model, resolve_model
 
 DataT = TypeVar("DataT", bound=Prepared)
 FittedT = TypeVar("FittedT", bound=Fitted)
@@ -44,6 +44,8 @@ def identify(
     *,
     settings: IdentifySettings | None = None,
     verify: Records = (),
+    inputs: str | Sequence[str] = (),
+    decoupled: bool = False,
     **options: Any,
 ) -> IdentifiedModel:
     """Identify a model from flight records.
@@ -65,6 +67,10 @@ def identify(
         Choices; everything has a default.
     verify
         Further records, kept unseen, to judge the model on.
+    inputs
+        Input channels of ``response.*``, ``transfer:m/n`` and ``black_box:N``; the option ``outputs`` has the others.
+    decoupled
+        Whether a black box is fitted for each input and its output.
     **options
         Fields of :class:`rotorid.settings.identifying.IdentifySettings`, which go before ``settings``.
 
@@ -88,6 +94,7 @@ def identify(
     439.3
     """
     chosen = as_settings(IdentifySettings, settings, options)
+    model = _with_channels(model, chosen, as_names(inputs), decoupled=decoupled)
     fitted = as_records(records)
     every = with_sensor_filters((*fitted, *as_records(verify)), chosen.filters)
     logs, unseen = every[: len(fitted)], every[len(fitted) :]
@@ -98,6 +105,14 @@ def identify(
     plain = replace(chosen, add_noise_percent=None, runs=None)
     found = identify_by(method_of(model, logs, plain), logs, verify=unseen)
     return with_noise_runs(found, logs, chosen, partial(method_of, model))
+
+
+def _with_channels(model: Model, settings: IdentifySettings, inputs: tuple[str, ...], *, decoupled: bool) -> Model:
+    """A model with its channels, where some were named."""
+    if not inputs and not decoupled:
+        return model
+    require_choices(model, settings, options={"--inputs": inputs, "--decoupled": decoupled})
+    return asked_model(model, inputs=inputs, outputs=settings.outputs, decoupled=decoupled)
 
 
 def identify_by(

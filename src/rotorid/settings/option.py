@@ -213,7 +213,7 @@ def as_settings(kind: type[Kind], settings: Kind | None, options: Mapping[str, A
     settings
         All of them; by default those of the class.
     options
-        Fields by name.
+        Fields by name; a value may also be the text of the command line, such as ``band_rad_s="0.3:8Hz"``.
 
     Raises
     ------
@@ -227,14 +227,50 @@ def as_settings(kind: type[Kind], settings: Kind | None, options: Mapping[str, A
     >>> from rotorid.settings.measuring import ResponseSettings
     >>> as_settings(ResponseSettings, None, {"band_rad_s": (1.0, 60.0)}).band_rad_s
     (1.0, 60.0)
+    >>> as_settings(ResponseSettings, None, {"band_rad_s": "1:60"}).band_rad_s
+    (1.0, 60.0)
     """
-    known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
+    known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
     for name in options:
         if name not in known:
             near = nearest_name(name, known)
             raise TypeError(f"unknown option {name!r}{f'; did you mean {near}?' if near else ''}")
     chosen = settings or kind()
-    return replace(chosen, **options) if options else chosen  # type: ignore[type-var]
+    given = {name: _from_text(known[name], value) for name, value in options.items()}
+    return replace(chosen, **given) if given else chosen  # type: ignore[type-var]
+
+
+def _from_text(item: "Field[Any]", value: Any) -> Any:
+    """A value of a keyword; a text of the command line is read as there.
+
+    Raises
+    ------
+    UsageError
+        It cannot be a value of the field.
+    """
+    option = option_of(item)
+    if option is not None and option.text is not None:
+        texts = [value] if isinstance(value, str) else value
+        if isinstance(value, str) and not option.text.repeats:
+            return option.text.parse(value)
+        if option.text.repeats and isinstance(texts, list | tuple) and texts and all(map(_is_text, texts)):
+            return option.text.parse(list(texts))
+    if item.default_factory is dict and not isinstance(value, Mapping):
+        form = f", or a text such as {option.text.form!r}" if option is not None and option.text is not None else ""
+        raise UsageError(f"{item.name}={value!r} cannot be read", needed=f"a mapping of names{form}")
+    if isinstance(value, str) and _numeric(item):
+        raise UsageError(f"{item.name}={value!r} is a text", needed="a number")
+    return value
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _numeric(item: "Field[Any]") -> bool:
+    """Whether a field takes numbers alone, or yes and no."""
+    kind = item.type.__origin__ if hasattr(item.type, "__metadata__") else item.type
+    return {*(get_args(kind) or (kind,))} <= {float, int, bool, type(None)}
 
 
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from typing import Any, get_args
 
@@ -131,3 +132,27 @@ def test_words_of_a_project_file_are_those_of_the_settings() -> None:
     assert kinds["to"] == tuple(TARGETS)
     assert set(kinds["method"]) == {*get_args(MethodChoice)} - {"accelerations"}
     assert get_args(kinds["keep"][0]) == GAINS
+
+
+def test_keywords_take_the_texts_of_the_command_line() -> None:
+    chosen = as_settings(IdentifySettings, None, {"fix": "T_motor=0.05", "segments": ["roll:5:35"], "free": "L_p"})
+    assert chosen.fix == {"T_motor": 0.05}
+    assert chosen.free == ("L_p",)
+    assert [(segment.axis, segment.start_s) for segment in chosen.segments] == [("roll", 5.0)]
+    several = as_settings(IdentifySettings, None, {"fix": ["T_motor=50ms", "L_p=-2"], "band_rad_s": "1:60"})
+    assert several.fix == {"T_motor": 0.05, "L_p": -2.0}
+    assert several.band_rad_s == (1.0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("fix", "T_motor", "T_motor"),
+        ("fix", 0.05, "fix=0.05 cannot be read; expected a mapping of names"),
+        ("pieces_s", "ten", "pieces_s='ten' is a text; expected a number"),
+        ("reduce", "yes", "reduce='yes' is a text"),
+    ],
+)
+def test_a_keyword_that_cannot_be_read_is_refused_in_words(option: str, value: object, words: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(words)):
+        as_settings(IdentifySettings, None, {option: value})
