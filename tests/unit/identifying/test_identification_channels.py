@@ -14,7 +14,7 @@ RECORD = log(at_rest("rates", 100.0, "p", "q", "roll_command"))
 def test_a_response_needs_its_channels() -> None:
     with pytest.raises(UsageError, match=r"transfer:0/1 needs channels"):
         identify(RECORD, "transfer:0/1", inputs="roll_command")
-    with pytest.raises(InsufficientDataError, match="no flight"):
+    with pytest.raises(InsufficientDataError, match="contains no excitation of roll"):
         identify(RECORD, "transfer:0/1", inputs="roll_command", outputs="p")
 
 
