@@ -1,4 +1,4 @@
-"""A worker of the lab: one command of the command line, which reports its progress in lines of JSON."""
+"""A worker of a server: one command of the command line, which reports its progress in lines of JSON."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import json
 import logging
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -41,13 +42,16 @@ def main() -> None:
     from rotorid.errors import RotoridError
     from rotorid.lab.workers import EXIT_WITH_REASON
 
-    memory_bytes = int(sys.argv.pop(1))
+    limits = json.loads(sys.argv.pop(1))
+    memory_bytes = limits["memory_bytes"]
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     end_with_parent()
+    if "writable" in limits:
+        _keep_to(limits["readable"], limits["writable"])
     log = logging.getLogger("rotorid.progress")
     log.setLevel(logging.DEBUG)
     log.addHandler(_JsonProgress())
@@ -63,6 +67,22 @@ def main() -> None:
         # The page shows the last line that a worker says: a fault of ours is a sentence there too, not a traceback.
         say(f"rotorid: {type(error).__name__}: {error}")
         sys.exit(EXIT_WITH_REASON)
+
+
+def _keep_to(readable: list[str], writable: list[str]) -> None:
+    """Keep this process to some places, its own compiled code and the user's preferences."""
+    from rotorid.cli.preferences import place
+    from rotorid.io.confinement import confine_files
+
+    package = Path(__file__).resolve().parents[1]
+    compiled = [Path(os.environ.get("NUMBA_CACHE_DIR", Path.home() / ".cache" / "numba"))]
+    if "NUMBA_CACHE_DIR" not in os.environ:
+        compiled += package.rglob("__pycache__")
+    preferred = place()
+    confine_files(
+        readable=[*map(Path, readable), package, *([] if preferred is None else [preferred])],
+        writable=[*map(Path, writable), *compiled],
+    )
 
 
 def _do(words: list[str]) -> None:

@@ -87,9 +87,28 @@ def confine(*, readable: Sequence[Path], writable: Path, limits: Mapping[str, in
         # It has gone in the meantime.
         os._exit(1)
     active["no_new_privileges"] = libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
-    active["files"] = _landlock(libc, readable, writable)
+    active["files"] = _landlock(libc, readable, [writable])
     active["processes"] = active["network"] = _filter_calls(libc)
     return active
+
+
+def confine_files(*, readable: Sequence[Path], writable: Sequence[Path]) -> bool:
+    """Let this process, and all that it starts, read and write some places only, and gain no rights.
+
+    Parameters
+    ----------
+    readable, writable
+        Files and folders that it may read, beside what Python is made of, and folders that it may change.
+
+    Returns
+    -------
+    bool
+        Whether this is active: on Linux from 5.19, whose Landlock lets a folder of results take its place.
+    """
+    libc = _libc()
+    if libc is None or int(libc.syscall(_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(1))) < _MOVES_SINCE:
+        return False
+    return libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 and _landlock(libc, readable, writable)
 
 
 def _limit(limits: Mapping[str, int]) -> bool:
@@ -126,12 +145,16 @@ def _libc() -> ctypes.CDLL | None:
 _CREATE, _ADD, _RESTRICT = 444, 445, 446
 _EXECUTE, _WRITE, _READ, _LIST = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 _REMOVE_FOLDER, _REMOVE_FILE, _MAKE_FOLDER, _MAKE_FILE, _TRUNCATE = 1 << 4, 1 << 5, 1 << 7, 1 << 8, 1 << 14
+_MOVE = 1 << 13
+_MOVES_SINCE = 2
+"""Version of Landlock from which a file may be allowed to move to another folder."""
+
 _OF_FILES = _EXECUTE | _WRITE | _READ | _TRUNCATE
 _LOOK = _EXECUTE | _READ | _LIST
-_WORK = _READ | _LIST | _WRITE | _REMOVE_FOLDER | _REMOVE_FILE | _MAKE_FOLDER | _MAKE_FILE | _TRUNCATE
+_WORK = _READ | _LIST | _WRITE | _REMOVE_FOLDER | _REMOVE_FILE | _MAKE_FOLDER | _MAKE_FILE | _TRUNCATE | _MOVE
 
 
-def _landlock(libc: ctypes.CDLL, readable: Sequence[Path], writable: Path) -> bool:
+def _landlock(libc: ctypes.CDLL, readable: Sequence[Path], writable: Sequence[Path]) -> bool:
     """Let this process see its own files only."""
     version = int(libc.syscall(_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(1)))
     if version < 1:
@@ -146,7 +169,7 @@ def _landlock(libc: ctypes.CDLL, readable: Sequence[Path], writable: Path) -> bo
     modules = [Path(place) for place in (*sys.path, sys.prefix, sys.base_prefix, sys.exec_prefix) if place]
     libraries = [Path(place) for place in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if place]
     places = dict.fromkeys([*map(Path, _SYSTEM), *modules, *libraries, *readable], _LOOK)
-    places[writable] = _WORK
+    places |= dict.fromkeys(writable, _WORK)
     try:
         for place, rights in places.items():
             try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -39,6 +40,7 @@ _MOST_OUTPUT = 64 << 20
 """Largest standard output of a command."""
 
 _MOST_LINE = 1 << 16
+_TEMPORARY = ("TMPDIR", "TEMP", "TMP", "MPLCONFIGDIR")
 _END_S = 10.0
 
 
@@ -78,11 +80,30 @@ class Job:
             self.ended.set()
 
 
-class Workers:
-    """All jobs of a session."""
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """All that commands may read and change, beside what Python is made of and the folder that they work in."""
 
-    def __init__(self, *, memory_bytes: int = MEMORY_BYTES, most_running: int = MOST_RUNNING) -> None:
+    readable: tuple[Path, ...]
+    writable: tuple[Path, ...]
+
+
+class Workers:
+    """All jobs of a session.
+
+    Parameters
+    ----------
+    memory_bytes, most_running
+        Memory of a command, and how many run at once.
+    places
+        What commands may read and change, where the system can keep them to it; everything without it.
+    """
+
+    def __init__(
+        self, *, memory_bytes: int = MEMORY_BYTES, most_running: int = MOST_RUNNING, places: Places | None = None
+    ) -> None:
         self._memory_bytes = memory_bytes
+        self._places = places
         self._free = most_running
         self._jobs: list[Job] = []
         self._changed = threading.Condition()
@@ -154,13 +175,15 @@ class Workers:
                 return
             # The private folder may be gone, and does not come back for a command.
             job.folder.mkdir(mode=0o700, exist_ok=True)
+            limits = {"memory_bytes": self._memory_bytes, **self._allowed(job.folder)}
             with job.output.open("wb") as output:
                 job.process = process = subprocess.Popen(
-                    [sys.executable, "-m", "rotorid.cli.lab_worker", str(self._memory_bytes), *job.words],
+                    [sys.executable, "-m", "rotorid.cli.lab_worker", json.dumps(limits), *job.words],
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=subprocess.PIPE,
                     cwd=job.folder,
+                    env=None if self._places is None else {**os.environ, **dict.fromkeys(_TEMPORARY, str(job.folder))},
                     start_new_session=True,
                 )
         late = threading.Event()
@@ -182,9 +205,15 @@ class Workers:
         if late.is_set():
             job.end("failed", f"It was ended after {WALL_S / 60.0:g} minutes, the most that a command has.")
         elif job.output.stat().st_size > _MOST_OUTPUT:
-            job.end("failed", "The answer is too large for the page.")
+            job.end("failed", "The answer is too large.")
         else:
             job.end(*_how(process.returncode, last.removeprefix("rotorid: ")))
+
+    def _allowed(self, folder: Path) -> dict[str, list[str]]:
+        if self._places is None:
+            return {}
+        writable = [str(place) for place in (*self._places.writable, folder)]
+        return {"readable": [str(place) for place in self._places.readable], "writable": writable}
 
 
 def _how(code: int, last: str) -> tuple[State, str]:

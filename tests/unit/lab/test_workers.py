@@ -97,7 +97,7 @@ def test_a_long_answer_is_none_for_a_page(
     job = Workers().start(["models", "--json"], tmp_path / "job")
     assert job.ended.wait(60.0)
     assert job.state == state
-    assert (job.sentence == "The answer is too large for the page.") == (state == "failed")
+    assert (job.sentence == "The answer is too large.") == (state == "failed")
 
 
 @pytest.mark.parametrize(
