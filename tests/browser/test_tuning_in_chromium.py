@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from tests.browser.chromium import SETTLED, asked
 
+from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
+from rotorid.proposing.filter_curve import AxisPoint, FilterCurve, FilterPoint
 from rotorid.proposing.proposal import AxisTuning, TuningProposal, _loops, _responses
 from rotorid.report.tune import render_tune
 from rotorid.results.provenance import Provenance
@@ -145,3 +149,49 @@ def test_sliders_call_a_loop_unstable_that_python_calls_unstable(moved: tuple[Ax
     assert not loop_figures(one.omega_rad_s, loop, from_rad_s=one.plant.known_from_rad_s).stable[0]
     assert "with the angle loop unstable" in seen["swinging"]["peak"]
     assert seen["swinging"]["worst"].startswith("unstable")
+
+
+PICK = (
+    f"async () => {{{SETTLED}"
+    + """
+  await settled();
+  const opened = () => Array.from(document.querySelectorAll("details[id^=choice-]"))
+    .filter((one) => one.open).map((one) => one.id);
+  const before = opened();
+  document.querySelector('[data-picture="filters-curve"]').emit("plotly_click", { points: [{ text: "1" }] });
+  const clicked = opened();
+  document.querySelector('a[href="#choice-0"]').click();
+  const text = document.getElementById("choice-1").innerText;
+  return { before, clicked, linked: opened(), text };
+}
+"""
+)
+
+
+def exact(value: float, unit: str) -> Quantity:
+    return Quantity(value=value, std=0.0, lower=value, upper=value, unit=unit)
+
+
+def point(number: int, filters: dict[str, tuple[float | None, float]], judged: Any) -> FilterPoint:
+    one = AxisPoint(
+        judged=judged,
+        parameters={"MC_ROLLRATE_P": 0.12},
+        sensitivity_peak=exact(1.5, "1"),
+        attitude_ratio=exact(1.0 - 0.1 * number, "1"),
+    )
+    saved = exact(20.0 * number, "%")
+    return FilterPoint(number=number, filters=filters, noise_limit=1.0, axes={"roll": one}, saves_percent=saved)
+
+
+def test_a_point_of_the_curve_is_picked_by_a_click(alone: Any, tmp_path: Path) -> None:
+    proposal = proposed()
+    judged = proposal.axes["roll"].proposal.flown
+    points = (point(1, {"IMU_GYRO_CUTOFF": (80.0, 40.0)}, judged), point(0, {}, judged))
+    run = replace(proposal.provenance, command=("rotorid", "tune", "a b.ulg", "--filters=curve", "--out", "here"))
+    shown = replace(proposal, curve=FilterCurve(points=points, recommended=1), provenance=run)
+    seen, said = asked(alone, render_tune(shown, title="t"), tmp_path, PICK, ready=READY)
+    assert said == []
+    assert (seen["before"], seen["clicked"], seen["linked"]) == ([], ["choice-1"], ["choice-1", "choice-0"])
+    assert "rotorid tune 'a b.ulg' --filters 1" in seen["text"]
+    assert re.search(r"IMU_GYRO_CUTOFF\s+80\s+40", seen["text"])
+    assert re.search(r"MC_ROLLRATE_P\s+0\.1\s+0\.12", seen["text"])

@@ -202,7 +202,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         line(f"look here: {missed}")
     if stricter := stricter_sentence(document):
         line(stricter)
-    for choice in choice_lines(document.filter_curve):
+    for choice in choice_lines(document):
         line(choice)
     for sentence in limit_sentences(document) if verbose and document.axes else ():
         line(sentence)

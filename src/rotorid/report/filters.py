@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rotorid.data.display import capital, listed
-from rotorid.data.quantity import with_ends
+from rotorid.data.quantity import MISSING, with_ends
+from rotorid.documents.base import ProvenanceDocument
 from rotorid.documents.filter_curve import FilterCurveDocument, FilterPointDocument
+from rotorid.documents.tune import TuneDocument
 from rotorid.plot.filters import choices
 from rotorid.report.frame import Picture, drawn
 
@@ -16,7 +20,10 @@ _SHORT = ("INS_HNTCH", "INS_HNTC2")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChoiceRow:
-    """A point of the curve on the page: number, filters, noise, attitude error, M_s, and a mark."""
+    """A point of the curve on the page: number, filters, noise, attitude error, M_s, and a mark.
+
+    ``parameters`` are names with the flown and the new value, and ``command`` is what writes its files.
+    """
 
     number: int
     filters: str
@@ -24,10 +31,15 @@ class ChoiceRow:
     attitude: str
     peak: str
     mark: str
+    parameters: tuple[tuple[str, str, str], ...]
+    command: str
 
 
-def choice_rows(curve: FilterCurveDocument) -> tuple[ChoiceRow, ...]:
-    """The points, the least noise first."""
+def choice_rows(document: TuneDocument) -> tuple[ChoiceRow, ...]:
+    """The points, the least noise first; none where filters were not looked for."""
+    curve = document.filter_curve
+    if curve is None:
+        return ()
     return tuple(
         ChoiceRow(
             number=point.point,
@@ -36,20 +48,50 @@ def choice_rows(curve: FilterCurveDocument) -> tuple[ChoiceRow, ...]:
             attitude=f"{100.0 * point.attitude_ratio:.0f} %",
             peak=_peak(point),
             mark=_mark(curve, point.point),
+            parameters=tuple(_values(point, document)),
+            command=_command(document.provenance, point.point),
         )
         for point in curve.points
     )
 
 
-def choice_lines(curve: FilterCurveDocument | None) -> list[str]:
-    """The points for the terminal; none where filters were not looked for."""
-    if curve is None:
+def _values(point: FilterPointDocument, document: TuneDocument) -> Iterator[tuple[str, str, str]]:
+    """Name, flown and new value of each filter and gain of a point."""
+    for name, value in point.filters.items():
+        yield name, MISSING if value.flown is None else f"{value.flown:g}", f"{value.proposed:g}"
+    for axis, one in point.axes.items():
+        flown = document.axes[axis].gains if axis in document.axes else {}
+        for name, gain in one.gains.items():
+            before = flown[name].flown if name in flown else None
+            yield name, MISSING if before is None else f"{before:.4g}", f"{gain:.4g}"
+
+
+_PLACES = ("--out", "--filters")
+"""Options with a value that the command of another choice has no use for, or another value of."""
+
+
+def _command(provenance: ProvenanceDocument, number: int) -> str:
+    """The command that writes the files of a point: that of this page with its number."""
+    words = provenance.command or ["rotorid", "tune", *provenance.inputs]
+    kept = [
+        word
+        for before, word in zip(["", *words], words, strict=False)
+        if before not in _PLACES and word.partition("=")[0] not in (*_PLACES, "--open")
+    ]
+    return shlex.join([*kept, "--filters", str(number)])
+
+
+def choice_lines(document: TuneDocument) -> list[str]:
+    """The points for the terminal, a line each; none where filters were not looked for.
+
+    The one that is proposed or recommended comes with its filters; the page has those of all.
+    """
+    if document.filter_curve is None:
         return []
-    lines = [choice_sentence(curve)]
-    for row in choice_rows(curve):
-        mark = f" ({row.mark})" if row.mark else ""
+    lines = [choice_sentence(document.filter_curve)]
+    for row in choice_rows(document):
+        mark = f" ({row.mark}: {row.filters})" if row.mark else ""
         lines.append(f"  {row.number}  noise {row.noise}, attitude error {row.attitude}, M_s {row.peak}{mark}")
-        lines.append(f"     {row.filters}")
     return lines
 
 

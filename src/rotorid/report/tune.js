@@ -237,6 +237,21 @@
     place.hidden = false;
     return show();
   };
+  // A point of the curve, or its number in the table, opens the parameters of that choice.
+  const open = (choice) => {
+    if (!choice) return;
+    choice.open = true;
+    choice.scrollIntoView({ block: "nearest" });
+  };
+  for (const link of document.querySelectorAll('a[href^="#choice-"]')) {
+    link.addEventListener("click", () => open(document.querySelector(link.getAttribute("href"))));
+  }
+  const curve = document.querySelector('[data-picture="filters-curve"]');
+  if (curve) {
+    rotorid.redraw([curve]).then(() => curve.on("plotly_click", ({ points }) => {
+      open(document.getElementById(`choice-${points[0].text}`));
+    }));
+  }
   Promise.all(Array.from(document.querySelectorAll("[data-axis]"), set)).then(
     () => { document.documentElement.dataset.sliders = "ready"; },
     (error) => { document.documentElement.dataset.sliders = `failed: ${error}`; },
