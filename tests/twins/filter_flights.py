@@ -41,6 +41,8 @@ class Craft:
     speeds: bool = True
     slow_hz: float = 60.0
     """Speed of the rotors at no throttle."""
+    centers: bool = False
+    """Whether the spectrum shows the mean speed, and the log says so: where a notch by the spectrum is."""
 
 
 SOURCES = {
@@ -103,7 +105,8 @@ def fly(craft: Craft, *, seed: int = 1, seconds: float = SECONDS, **changed: flo
     for known in controller_filters(bare):
         assert known.rate_hz == craft.sensor_hz
         rates = lfilter(known.numerator, known.denominator, rates)
-    motion_of = Motion(turns, throttle)
+    centers = turns.mean(axis=0)[None]
+    motion_of = Motion(turns, throttle, centers if craft.centers else None)
     notches = autopilot_of(bare).log.moving_notches(bare, motion_of)
     assert notches.rate_hz in (1.0, craft.sensor_hz)
     rates = through_moving(rates, notches)
@@ -116,7 +119,9 @@ def fly(craft: Craft, *, seed: int = 1, seconds: float = SECONDS, **changed: flo
     )
     names = [f"motor_{k + 1}" for k in range(4)] + ["thrust_command"]
     names += [f"motor_speed_{k + 1}" for k in range(4)] if craft.speeds else []
+    names += ["notch_frequency_1"] if craft.centers else []
     others = [throttle] * 5 + ([*(2.0 * np.pi * turns)] if craft.speeds else [])
+    others += [*(2.0 * np.pi * centers)] if craft.centers else []
     channels = tuple(Channel(name=name, unit=STANDARD_UNITS[name], source=f"twin.{name}") for name in names)
     topics = (
         Topic(name="gyro", time_s=time_s[kept], channels=of_rates, values=rates[:, kept]),

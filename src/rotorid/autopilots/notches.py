@@ -30,6 +30,8 @@ class Motion(NamedTuple):
     """Turns per second, shape ``(motors, n)``; ``None`` where they are not logged."""
     throttle: FloatArray | None
     """Share of the throttle, shape ``(n,)``; ``None`` where it is not logged."""
+    centers_hz: FloatArray | None = None
+    """Logged centers of the first notch that moves, shape ``(centers, n)``; ``None`` where they are not logged."""
 
     def at(self, rows: IntArray) -> Motion:
         """Some of the moments."""

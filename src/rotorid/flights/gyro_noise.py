@@ -153,7 +153,22 @@ def _unknown_chain(record: FlightRecord, sensor: Sensor) -> bool:
 
 
 def _motion(record: FlightRecord, time_s: FloatArray) -> Motion:
-    return Motion(speeds_hz=rotor_speeds_hz(record, time_s), throttle=_throttle(record, time_s))
+    return Motion(
+        speeds_hz=rotor_speeds_hz(record, time_s),
+        throttle=_throttle(record, time_s),
+        centers_hz=_centers_hz(record, time_s),
+    )
+
+
+def _centers_hz(record: FlightRecord, time_s: FloatArray) -> FloatArray | None:
+    """Logged centers of notches; where one is at rest, that of the moments around it."""
+    rows = []
+    for name in (name for name in record.channel_names if name.startswith("notch_frequency_")):
+        track = record[name]
+        moved = np.isfinite(track.values) & (track.values > 0.0)
+        if np.count_nonzero(moved) > 2:
+            rows.append(np.interp(time_s, track.time_s[moved], track.values[moved]) / (2.0 * np.pi))
+    return np.stack(rows) if rows else None
 
 
 def _throttle(record: FlightRecord, time_s: FloatArray) -> FloatArray | None:

@@ -239,6 +239,8 @@ class FilterProposal(Immutable):
         Axes whose loop is not known, which the filters reach all the same.
     refused
         Why a set that would save more is not proposed; empty where there is none.
+    unseen
+        Why it is not known where notches that fly were; empty where it is, or none flies.
     """
 
     need: Need
@@ -251,6 +253,7 @@ class FilterProposal(Immutable):
     verdicts: Mapping[Axis, LoopVerdict]
     unchecked: tuple[Axis, ...] = ()
     refused: str = ""
+    unseen: str = ""
 
     def __post_init__(self) -> None:
         self._set(offered=self.offered, parts=tuple(self.parts), verdicts=self.verdicts)
@@ -309,6 +312,7 @@ def propose_filters(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis,
         verdicts=verdicts,
         unchecked=tuple(axis for axis in RATE_OF if axis not in loops and axis in flown.powers),
         refused=refused,
+        unseen=autopilot_of(record).log.moving_notches(record, noise.motion).unknown,
     )
 
 

@@ -114,7 +114,10 @@ def filter_card(review: Review) -> Card:
         )
     number = f"noise through P and D {100.0 * found.rms:.2g} % of the motor range"
     unknown = _unknown_margins(review, found)
-    unchecked = f"Not checked, since their margins are not known: {listed(unknown)}." if unknown else ""
+    unchecked = together(
+        f"Not checked, since their margins are not known: {listed(unknown)}." if unknown else "",
+        f"Moving notches were not checked: {found.unseen}." if found.unseen else "",
+    )
     card = Card(key="filters", title=TITLE, state="good", headline="", number=number, scale=MOTOR_NOISE_SCALE)
     if found.changed:
         return _with(card, "look", _changed_words(found), together(_settings(found), unchecked))
@@ -125,7 +128,7 @@ def filter_card(review: Review) -> Card:
         advice = "Balance the propellers and mount the autopilot more softly."
         return _with(card, "look", "Much noise reaches the motors.", together(why, advice, unchecked))
     words = "Keep your filters: little noise reaches the motors."
-    return _with(card, "part" if unknown else "good", words, unchecked)
+    return _with(card, "part" if unchecked else "good", words, unchecked)
 
 
 def _unknown_margins(review: Review, found: FilterProposal) -> list[Axis]:

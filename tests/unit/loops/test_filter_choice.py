@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from tests.twins.filter_flights import SOURCES, Craft, fly, turns_hz
 
+from rotorid.autopilots.notches import SPECTRUM as SPECTRUM_UNKNOWN
 from rotorid.autopilots.notches import Motion
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
-from rotorid.flights.filter_effects import with_parameters
+from rotorid.flights.controllers import controllers_of
+from rotorid.flights.filter_effects import filtered_density, phase_cost, with_parameters
 from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.loops.filter_choice import FilterProposal, KnownLoop, filter_sets, propose_filters, verdict_with
 from rotorid.tuning import uncertain_plant
@@ -106,6 +108,50 @@ def loops_of(name: str, *, late_s: float = 0.004, gain: float = 1.0) -> dict[Axi
         axis: KnownLoop(plant=plant, source=source.format(letter), crossover_rad_s=CROSSOVER_RAD_S)
         for axis, letter in zip(axes, letters, strict=True)
     }
+
+
+SPECTRUM = {
+    "INS_HNTCH_ENABLE": 1.0,
+    "INS_HNTCH_MODE": 4.0,
+    "INS_HNTCH_REF": 1.0,
+    "INS_HNTCH_FREQ": 60.0,
+    "INS_HNTCH_BW": 30.0,
+    "INS_HNTCH_ATT": 40.0,
+    "INS_HNTCH_HMNCS": 3.0,
+    "INS_HNTCH_OPTS": 0.0,
+}
+"""A notch of ArduPilot that follows the spectrum."""
+
+
+def test_a_notch_by_the_spectrum_counts_where_its_centers_are_logged() -> None:
+    """A wider one costs the phase of the notch at the mean speed, moment by moment, and passes that much less noise."""
+    craft = replace(ARDUPILOT, centers=True, speeds=False)
+    record = fly(craft, seconds=15.0, **SPECTRUM)
+    noise, wider = gyro_noise(record), with_parameters(record, {"INS_HNTCH_BW": 60.0})
+    cost = phase_cost(record, wider, noise, "roll", CROSSOVER_RAD_S, flown=controllers_of(record))
+    omega = np.array([CROSSOVER_RAD_S])
+    turns = turns_hz(np.interp(noise.time_s, record["motor_1"].time_s, record["motor_1"].values), craft)
+    true = [
+        autopilot_of(one).log.moving_notches(one, Motion(None, None, turns.mean(axis=0)[None]))
+        for one in (record, wider)
+    ]
+    angles = np.degrees(np.angle(true[0].response(omega) / true[1].response(omega)))[:, 0]
+    assert 1.0 < cost.value == pytest.approx(float(np.median(angles)), rel=0.02)
+    again = fly(craft, seed=2, seconds=15.0, **{**SPECTRUM, "INS_HNTCH_BW": 60.0})
+    powers = [filter_sets(one, gyro_noise(one), {})[0] for one in (record, again)]
+    foretold = filtered_density(record, wider, noise)["p"].mean(axis=0)
+    measured = gyro_noise(again).density["p"].mean(axis=0)
+    lines = (noise.frequency_hz > 90.0) & (noise.frequency_hz < 180.0)
+    assert powers[1].rms < powers[0].rms
+    assert foretold[lines].sum() == pytest.approx(measured[lines].sum(), rel=0.25)
+
+
+def test_a_notch_by_the_spectrum_without_logged_centers_is_not_called_checked() -> None:
+    record = fly(replace(ARDUPILOT, speeds=False, tones=(0.002,), white=0.0007), seconds=15.0, **SPECTRUM)
+    found = propose_filters(record, gyro_noise(record), loops_of("ArduPilot"))
+    assert found.unseen == SPECTRUM_UNKNOWN
+    logged = fly(replace(ARDUPILOT, centers=True, tones=(0.002,), white=0.0007), seconds=15.0, **SPECTRUM)
+    assert not propose_filters(logged, gyro_noise(logged), loops_of("ArduPilot")).unseen
 
 
 def proposal(name: str, craft: Craft, **known: float) -> tuple[FlightRecord, FilterProposal]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from tests.twins.filter_flights import fly
-from tests.unit.loops.test_filter_choice import ARDUPILOT, CRAFTS, loops_of
+from tests.unit.loops.test_filter_choice import ARDUPILOT, CRAFTS, SPECTRUM, loops_of
 
 from rotorid.documents.filters import filter_documents
 from rotorid.flights.gyro_noise import gyro_noise
@@ -80,6 +80,15 @@ def test_filters_of_an_axis_without_margins_are_not_called_right(unknown: str) -
         found = replace(found, verdicts={**found.verdicts, "pitch": open_verdict})
     card = filter_card(seen("ArduPilot", found, idle=("pitch",) if "idle" in unknown else ()))
     assert (card.state, card.details) == ("part", "Not checked, since their margins are not known: pitch.")
+
+
+def test_a_notch_whose_place_is_unknown_is_not_called_right() -> None:
+    craft = replace(ARDUPILOT, tones=(0.002,), white=0.0007, speeds=False)
+    record = fly(craft, seconds=15.0, **SPECTRUM)
+    found = propose_filters(record, gyro_noise(record), loops_of("ArduPilot"))
+    card = filter_card(seen("ArduPilot", found))
+    assert card.state == "part"
+    assert card.details.startswith("Moving notches were not checked: the notch follows the spectrum")
 
 
 def test_motor_noise_has_one_scale_on_the_page(noisy: FilterProposal) -> None:

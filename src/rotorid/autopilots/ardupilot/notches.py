@@ -1,7 +1,7 @@
 r"""Notches of ArduPilot that follow the motors, and the filters that it offers against noise.
 
 A harmonic notch that follows the throttle has its center at :math:`f_0 \sqrt{u / u_{ref}}`; below the lowest center it
-stays there and becomes shallower.
+stays there and becomes shallower. Of one that follows the spectrum, the centers are those of the log.
 
 References
 ----------
@@ -32,6 +32,8 @@ _SENSOR_HZ = 1000.0
 _FIXED, _THROTTLE, _ESC, _SPECTRUM = 0, 1, 3, 4
 _EACH_MOTOR, _LOW_AS_LEAST = 2, 32
 _SEVERAL = 1 | 16 | 64
+_LOGGED = "INS_HNTCH"
+"""Whose centers are in the channels of a record."""
 _HARMONIC_BITS = (1.0, 3.0, 7.0)
 """The first harmonic, the first two, the first three."""
 _DEPTH_DB = 40.0
@@ -67,6 +69,8 @@ def _one(prefix: str, parameters: Parameters, motion: Motion) -> MovingNotches:
         wanted = base_hz * np.sqrt(np.maximum(motion.throttle, 0.0) / reference)[None]
     elif mode == _ESC and motion.speeds_hz is not None:
         wanted = motion.speeds_hz if options & _EACH_MOTOR else motion.speeds_hz.mean(axis=0)[None] * reference
+    elif mode == _SPECTRUM and motion.centers_hz is not None and prefix == _LOGGED:
+        wanted = motion.centers_hz
     else:
         return no_notches(SPECTRUM if mode == _SPECTRUM else SPEEDS_UNKNOWN, settings)
     lowest_hz = base_hz * parameters.get(f"{prefix}_FM_RAT", 1.0)
