@@ -234,7 +234,7 @@ def _print_details(document: TuneDocument) -> None:
     from rich.table import Table
 
     from rotorid.report.frame import frequency_of
-    from rotorid.report.tune_words import end_of, path_sentence
+    from rotorid.report.tune_words import balance_sentence, end_of, path_sentence
 
     console = output_console()
     for axis, tuning in document.axes.items():
@@ -245,6 +245,8 @@ def _print_details(document: TuneDocument) -> None:
             text = "unchanged" if gain.flown == gain.proposed else f"{gain.proposed:.4g}"
             table.add_row(name, f"{gain.flown:.4g}", text)
         console.print(table)
+        if balance := balance_sentence(axis, tuning):
+            console.print(balance, highlight=False, markup=False)
         if where := end_of(tuning):
             console.print(f"D changes in flight; these margins are for {where}.", highlight=False, markup=False)
         if tuning.path:

@@ -78,8 +78,9 @@ class AxisTuneDocument(Document):
     ``flown_attitude`` and ``proposed_attitude`` describe how the attitude follows its set-point, ``attitude_ratio`` is
     its error under a disturbance, proposed over flown; ``noise_ratio`` the command's noise, proposed over flown, which
     is ``noise_flown`` of the command's range where the log shows it. ``filters`` has the phase lag of each filter at
-    the crossover, ``ends`` margins of the proposed rate loop where D changes in flight. ``path`` lists the flights to
-    the best gains within the limits; it is empty where one flight reaches them.
+    the crossover, ``without_d`` the phase margin of the rate loop without D, by ``flown`` and ``proposed`` gains (null:
+    it may be unstable), ``ends`` margins of the proposed rate loop where D changes in flight. ``path`` lists the
+    flights to the best gains within the limits; it is empty where one flight reaches them.
     """
 
     changed: bool
@@ -96,6 +97,7 @@ class AxisTuneDocument(Document):
     gains: dict[str, GainDocument]
     path: list[PathStepDocument] = Field(default_factory=list)
     filters: list[FilterPriceDocument] = Field(default_factory=list)
+    without_d: dict[str, QuantityDocument | None] = Field(default_factory=dict)
     ends: dict[str, dict[str, QuantityDocument]] = Field(default_factory=dict)
     reasons: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
@@ -218,6 +220,10 @@ def _axis(tuning: AxisTuning) -> AxisTuneDocument:
         gains={name: GainDocument(flown=before, proposed=after) for name, (before, after) in tuning.parameters.items()},
         path=[_step(step, flown, tuning.needed_rad_s) for step in tuning.path],
         filters=[FilterPriceDocument.model_validate(price) for price in tuning.prices],
+        without_d={
+            name: None if margin is None else QuantityDocument.model_validate(margin)
+            for name, margin in tuning.without_derivative.items()
+        },
         ends={name: quantity_documents(quantities(end.rate)) for name, end in tuning.ends.items()},
         reasons=list(proposal.reasons),
         notes=list(tuning.controller.notes),

@@ -22,6 +22,7 @@ from rotorid.autopilots.registry import writer_of
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital, html_table, lines_of
 from rotorid.data.findings import Finding, Findings, refusal, remark, warn, worst_first
+from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.data.trust import ROBUSTNESS
 from rotorid.errors import InsufficientDataError, UsageError, reason_of
@@ -51,7 +52,7 @@ from rotorid.tuning.files import parameter_files
 from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
 from rotorid.tuning.gain_files import GainFile
 from rotorid.tuning.kinds import KINDS
-from rotorid.tuning.loops import ControllerParts, Gains
+from rotorid.tuning.loops import ControllerParts, Gains, loop_figures, over_draws
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
 from rotorid.typing import Axis, ComplexArray, FloatArray, LoopName
@@ -124,6 +125,9 @@ class AxisTuning(Immutable):
         Effect of the proposed gains at each end of a D that changes in flight.
     noise_seen
         Whether the log shows the noise of the rate, so that noise is in units of the command and not only a ratio.
+    without_derivative
+        Phase margin in degrees that the rate loop would have without D, for ``flown`` and ``proposed`` gains: what D
+        is worth beside this P. ``None`` where a likely loop is unstable without it; absent where D is zero.
     """
 
     controller: AxisController
@@ -141,9 +145,11 @@ class AxisTuning(Immutable):
     prices: tuple[FilterPrice, ...] = ()
     ends: Mapping[str, Judged] = field(default_factory=dict)
     noise_seen: bool = False
+    without_derivative: Mapping[str, Quantity | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._set(
+            without_derivative=self.without_derivative,
             parameters=self.parameters,
             loops=self.loops,
             responses=self.responses,
@@ -608,6 +614,7 @@ def _axis(
         ),
         ends={name: _scores(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
         noise_seen=parts.shows_noise,
+        without_derivative=_without_derivative(omega, sets, plant.known_from_rad_s),
         **_steps(flown, then, (before, plant), found),
     )
 
@@ -736,6 +743,18 @@ _Sets = Mapping[str, tuple[ComplexArray, ControllerParts, Gains]]
 def _loops(sets: _Sets) -> dict[str, ComplexArray]:
     rate = {name: drawn * parts.rate(gains) for name, (drawn, parts, gains) in sets.items()}
     return rate | {f"{name}_whole": drawn * parts.whole(gains) for name, (drawn, parts, gains) in sets.items()}
+
+
+def _without_derivative(omega: FloatArray, sets: _Sets, from_rad_s: float) -> dict[str, Quantity | None]:
+    """Phase margins of the rate loops with the same gains but D, on all plants."""
+    found: dict[str, Quantity | None] = {}
+    for name, (drawn, parts, gains) in sets.items():
+        if gains.D > 0.0:
+            loops = loop_figures(omega, drawn * parts.rate(replace(gains, D=0.0)), from_rad_s=from_rad_s)
+            margins = np.degrees(loops.phase_margin_rad)
+            shown = bool((loops.stable > 0.0).all()) and bool(np.isfinite(margins).all())
+            found[name] = over_draws(margins, "deg") if shown else None
+    return found
 
 
 def _responses(omega: FloatArray, sets: _Sets) -> dict[str, ComplexArray]:

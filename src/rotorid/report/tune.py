@@ -29,6 +29,7 @@ from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, r
 from rotorid.report.loop_words import answer_of, is_outer, loop_words
 from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
+    balance_sentence,
     following,
     headline,
     is_checked,
@@ -497,7 +498,7 @@ def _axis(axis: LoopName, document: AxisTuneDocument, tuning: AxisTuning, scale:
         pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
         ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
-        notes=tuple(document.notes),
+        notes=tuple(filter(None, (balance_sentence(axis, document), *document.notes))),
         # The page's own steps are those of an attitude.
         sliders=() if is_outer(axis) else _sliders(tuning),
         by_hand=Picture(

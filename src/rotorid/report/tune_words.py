@@ -440,6 +440,23 @@ def end_of(tuning: AxisTuneDocument) -> str:
     return same[0] if len(same) == 1 else ""
 
 
+def balance_sentence(axis: LoopName, tuning: AxisTuneDocument) -> str:
+    """What D is worth beside P, in a sentence; empty for a loop without D."""
+    which = "proposed" if tuning.changed else "flown"
+    if which not in tuning.without_d or is_outer(axis):
+        return ""
+    known = (tuning.proposed if tuning.changed else tuning.flown).get("phase_margin_deg")
+    without = tuning.without_d[which]
+    gains = "the new gains" if tuning.changed else "today's gains"
+    end = "the loop may be unstable" if without is None else margin_text("phase_margin_deg", without)
+    return (
+        f"P/D balance: with {gains} the phase margin of the rate loop is {margin_text('phase_margin_deg', known)}; "
+        f"without D {'it would be ' if without is not None else ''}{end}."
+        if known is not None
+        else ""
+    )
+
+
 def row_words(name: str, frequency: Frequency) -> str:
     """The head of a figure in a table, with its unit."""
     figure = QUANTITIES[name]
