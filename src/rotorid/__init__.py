@@ -19,6 +19,8 @@ __getattr__, __dir__, __all__ = lazy(__name__)
 attach(
     {
         "FlightRecord": "rotorid.plot.accessors:RecordPictures",
+        "FlightRecord.from_arrays": "rotorid.io.arrays:record_from_arrays",
+        "FlightRecord.from_pandas": "rotorid.io.arrays:record_from_pandas",
         "FrequencyResponse": "rotorid.plot.accessors:ResponsePictures",
         "IdentifiedModel": "rotorid.plot.accessors:ModelPictures",
         "TimeHistory": "rotorid.plot.accessors:HistoryPictures",

@@ -115,8 +115,24 @@ def _listed(module: Any, removed_in: str) -> Listed:
 
 
 def attach(places: Mapping[str, str]) -> None:
-    """Say who takes the places of values: class name to ``module:name`` of what is made of one of its values."""
+    """Say who takes the places of values: class name to ``module:name`` of what is made of one of its values.
+
+    ``CLASS.METHOD`` is a class method whose work is done above the layer of its class.
+    """
     _PLACES.update(places)
+
+
+def attached_method(name: str) -> Any:
+    """The function behind a class method, by ``CLASS.METHOD``.
+
+    Examples
+    --------
+    >>> import rotorid
+    >>> attached_method("FlightRecord.from_arrays").__name__
+    'record_from_arrays'
+    """
+    home, _, function = _PLACES[name].partition(":")
+    return getattr(import_module(home), function)
 
 
 def attached(value: Any) -> Any:

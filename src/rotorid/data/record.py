@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
+from numpy.typing import ArrayLike
 
-from rotorid._faces import attached
+from rotorid._faces import attached, attached_method
 from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
@@ -536,6 +537,75 @@ class FlightRecord(Immutable):
             instruments=self.instruments,
             findings=Findings(self.findings),
         )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time_s: ArrayLike,
+        channels: Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]],
+        *,
+        mapping: Any = None,
+        name: str = "arrays",
+    ) -> FlightRecord:
+        """A record of arrays, checked as a log is; all verbs take it.
+
+        Parameters
+        ----------
+        time_s
+            Stamps of the samples, shape ``(n,)``.
+        channels
+            Name to samples, shape ``(n,)``. Names and units are those of tables: ``p`` in SI, or ``p [deg/s]``; other
+            names are left out, with a finding. A sample that is not a number was not taken. A tuple ``(time_s,
+            samples)`` has stamps of its own.
+        mapping
+            Names the channels of other arrays, also of matrices: a TOML file, its tables as dictionaries, or what
+            :func:`rotorid.io.read_mapping` made of it. Its clock is `time_s`.
+        name
+            What findings call the record.
+
+        Raises
+        ------
+        LogError
+            Stamps and samples differ in number, or nothing has a known name.
+        UsageError
+            A unit or the mapping does not fit.
+
+        Examples
+        --------
+        >>> import rotorid
+        >>> rotorid.FlightRecord.from_arrays([0.0, 0.1, 0.2], {"q [deg/s]": [0.0, 90.0, 180.0]})
+        FlightRecord arrays (arrays): 1 channel, 0 to 0.2 s
+          clock  10 Hz  3 samples  q
+        """
+        record: FlightRecord = attached_method("FlightRecord.from_arrays")(time_s, channels, mapping=mapping, name=name)
+        return record
+
+    @classmethod
+    def from_pandas(cls, frames: Any, *, mapping: Any = None, name: str = "arrays") -> FlightRecord:
+        """A record of a ``pandas.DataFrame`` with stamps in seconds as its index, or of several by topic.
+
+        Parameters
+        ----------
+        frames
+            Columns are named as in :meth:`from_arrays`; units may also be in ``attrs["units"]``, where
+            :meth:`to_pandas` leaves them.
+        mapping, name
+            As of :meth:`from_arrays`.
+
+        Raises
+        ------
+        LogError, UsageError
+            As of :meth:`from_arrays`.
+
+        Examples
+        --------
+        >>> import pandas, rotorid
+        >>> frame = pandas.DataFrame({"p": [0.0, 1.0, 0.0]}, index=[0.0, 0.1, 0.2])
+        >>> rotorid.FlightRecord.from_pandas(frame).channel_names
+        ('p',)
+        """
+        record: FlightRecord = attached_method("FlightRecord.from_pandas")(frames, mapping=mapping, name=name)
+        return record
 
     @property
     def channel_names(self) -> tuple[str, ...]:

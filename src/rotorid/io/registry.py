@@ -102,7 +102,22 @@ def read(
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
-    record = joined(record, others)
+    return checked_record(joined(record, others), mapping, named_by)
+
+
+def checked_record(record: FlightRecord, mapping: ChannelMapping | None, named_by: str = "") -> FlightRecord:
+    """A record that has passed the checks of every log: by its mapping, of impossible values and of motor speeds.
+
+    Parameters
+    ----------
+    named_by
+        Name of the file of the mapping, where it has one.
+
+    Raises
+    ------
+    UsageError
+        The samples contradict the mapping.
+    """
     if mapping is not None:
         require_agreement(record, mapping)
         (record,) = with_sensor_filters((record,), mapping.filters, option=f"the mapping {named_by}".rstrip())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from rotorid.flights.motor_stamps import stamp_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
-from rotorid.io.motor_speeds import checked_speeds
+from rotorid.io.records import as_records
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.models.library import response_pairs
 from rotorid.results.provenance import LoggedManeuver, logged
@@ -209,13 +210,13 @@ class Inspection(Immutable):
             yield f"{finding.severity} {finding.kind}", finding.where, finding.message
 
 
-def inspect(record: FlightRecord) -> Inspection:
+def inspect(record: FlightRecord | str | Path) -> Inspection:
     """Contents and use of a record: channels, rates, gaps, flights, excitations, consistency, models it supports.
 
     Parameters
     ----------
     record
-        A log as :func:`rotorid.read` gives it.
+        A log as :func:`rotorid.read` gives it, or its file.
 
     Returns
     -------
@@ -236,7 +237,7 @@ def inspect(record: FlightRecord) -> Inspection:
     >>> inspect(record).supports["rate.roll"].because
     'the log lacks roll_command'
     """
-    record = checked_speeds(record)
+    (record,) = as_records(record)
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     candidates = {axis: _candidates(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)
