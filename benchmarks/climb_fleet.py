@@ -6,12 +6,11 @@ rad/s, and ``tune`` sees this log. Figures are those of the simulator's exact pl
 height with the proposed gains in other gusts, and may not be lost; the simulator has no loop around the acceleration,
 so ArduPilot's gains are judged by the exact plant alone.
 
-Run ``python -m benchmarks.climb_fleet [VEHICLES [PROCESSES]]``, 60 vehicles of each kind by default.
+Run ``python -m benchmarks.climb_fleet [VEHICLES [PROCESSES]] [--file FILE]``, 60 vehicles of each kind by default.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -150,4 +149,4 @@ def one(task: tuple[int, bool]) -> Row:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:], one, "climb")
+    main(one, "climb")

@@ -6,20 +6,23 @@ sees these two logs: attitude loops come from the sweeps, drag from both flights
 once. Figures of the velocity and position loops are those of the simulator's exact plant with the proposed gains in
 *all* loops; a second flight holds its place in other gusts, and may not be lost.
 
-Run ``python -m benchmarks.outer_fleet [VEHICLES [PROCESSES]]``, 60 vehicles of each kind by default.
+Run ``python -m benchmarks.outer_fleet [VEHICLES [PROCESSES]] [--file FILE]``, 60 vehicles of each kind by default. FILE
+keeps the results of each vehicle, so that a second run goes on where the first ended.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import tempfile
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from benchmarks.kept import Task, run_tasks
 from benchmarks.tuning_fleet import MOST_PEAK, NAMES, SWEEPS, fly, made, share, spread
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.models import RateController
@@ -247,17 +250,15 @@ def table(rows: list[Row], loop: str) -> list[str]:
     return lines
 
 
-def run(flight: Callable[[tuple[int, bool]], Row], vehicles: int, processes: int = 1) -> list[Row]:
-    tasks = [(number, hard) for hard in (False, True) for number in range(vehicles)]
-    if processes == 1:
-        return [flight(task) for task in tasks]
-    with ProcessPoolExecutor(processes) as pool:
-        return list(pool.map(flight, tasks))
-
-
-def main(arguments: list[str], flight: Callable[[tuple[int, bool]], Row] = one, loop: str = "velocity") -> None:
-    vehicles = int(arguments[0]) if arguments else 60
-    rows = run(flight, vehicles, int(arguments[1]) if len(arguments) > 1 else 1)
+def main(flight: Callable[[tuple[int, bool]], Row] = one, loop: str = "velocity") -> None:
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{'outer' if loop == 'velocity' else loop}_fleet")
+    parser.add_argument("vehicles", nargs="?", type=int, default=60, help="vehicles of each kind")
+    parser.add_argument("processes", nargs="?", type=int, default=1)
+    parser.add_argument("--file", type=Path, help="where results are kept")
+    asked = parser.parse_args()
+    tasks: list[Task] = [(number, hard) for hard in (False, True) for number in range(asked.vehicles)]
+    work = partial(as_rows, flight)
+    rows = [Row(**row) for row in run_tasks(tasks, work, path=asked.file, processes=asked.processes)]
     print("\n".join(table(rows, loop)))
     for row in rows:
         if row.refused or not row.stable or row.peak > MOST_PEAK or not all(row.inside.values()):
@@ -265,5 +266,11 @@ def main(arguments: list[str], flight: Callable[[tuple[int, bool]], Row] = one, 
             print(f"{row.vehicle} {'hard' if row.hard else ''}: {row.refused} M_s {row.peak:.2f} {missed}")
 
 
+def as_rows(flight: Callable[[tuple[int, bool]], Row], task: Task) -> list[dict[str, Any]]:
+    """The row of a vehicle, as a file keeps it."""
+    number, hard = task
+    return [asdict(flight((number, hard)))]
+
+
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
