@@ -42,6 +42,7 @@ COMMANDS = {
     "fleet": "Analyze many logs: what is normal, what differs, what changed.",
     "track": "Follow a model through a flight to find changes.",
     "lab": "Open the interactive page in the browser.",
+    "mcp": "Offer the commands as tools to an assistant (Model Context Protocol).",
     "run": "Repeat the steps of a project saved in the lab.",
     "models": "List the models, or print one as TOML.",
     "vehicles": "List the vehicles, or print one as a file.",

@@ -114,6 +114,7 @@ HELP: Mapping[str, CommandHelp] = MappingProxyType(
             "--model --step --first --map --pdf --out --json --verbose",
         ),
         "lab": CommandHelp((_LOG, "example-px4", f"{_LOG} --port 8000 --no-open")),
+        "mcp": CommandHelp(("example-px4", "example-px4 logs", "logs --out logs/results")),
         "run": CommandHelp(("project.toml", "project.toml --out steps", "project.toml --quiet")),
         "models": CommandHelp(("", "rate.roll", "transfer:0/2 --inputs roll_command --outputs p")),
         "vehicles": CommandHelp(("", "x500 --toml", "--json")),

@@ -39,6 +39,7 @@ EXTRAS: Mapping[str, tuple[str, ...]] = {
     "export": ("control", "mujoco", "fmpy"),
     "ros": ("rosbags", "lz4", "zstandard"),
     "lab": ("fastapi", "uvicorn"),
+    "mcp": ("mcp",),
     "cluster": ("dask", "distributed", "fsspec", "pyarrow"),
     "docs": ("sphinx", "furo", "myst_nb", "latex2mathml"),
 }

@@ -42,6 +42,7 @@ ELSEWHERE = {
     "tune": "needs gains; tests/unit/cli/test_tune_command.py",
     "track": "needs a long flight by stick; tests/unit/cli/test_track_command.py",
     "lab": "prints an address",
+    "mcp": "speaks a protocol; tests/unit/mcp",
     "run": "prints what its steps print",
 }
 

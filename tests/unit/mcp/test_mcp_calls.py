@@ -1,0 +1,105 @@
+"""A call becomes the words of a command line; its choices cannot become anything else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rotorid.errors import UsageError
+from rotorid.mcp.calls import TOOLS, command_of, parse_call
+from rotorid.mcp.folders import Folders, named_folders
+from rotorid.mcp.server import tool_schema
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> Folders:
+    for name in ("a.ulg", "b.ulg", "map.toml", "old.params"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "result.json").write_text("{}")
+    return named_folders([tmp_path])
+
+
+def words(tool: str, folders: Folders, **arguments: Any) -> str:
+    """The command line, without the folder."""
+    command = command_of(parse_call(tool, arguments), folders)
+    root = next(iter(folders.roots.values()))
+    return " ".join(command.words).replace(f"{root}/", "")
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "line"),
+    [
+        ("inspect", {"log": "a.ulg", "map": "map.toml"}, "inspect a.ulg --map map.toml"),
+        (
+            "identify",
+            {
+                "logs": ["a.ulg"],
+                "models": ["rate.roll", "transfer:0/2"],
+                "verify": ["b.ulg"],
+                "segments": [{"axis": "roll", "start_s": 1.0, "stop_s": 20.5}],
+                "fix": {"T_motor": 0.05},
+                "band_rad_s": [1.0, 40.0],
+                "reduce": True,
+            },
+            "identify a.ulg --model rate.roll,transfer:0/2 --verify b.ulg --segment roll:1:20.5 --fix T_motor=0.05 "
+            "--band 1:40 --reduce --seed 0",
+        ),
+        ("identify", {"logs": ["a.ulg"], "model_file": "map.toml"}, "identify a.ulg --model map.toml --seed 0"),
+        (
+            "tune",
+            {"given": ["a.ulg", "model"], "judge": "old.params", "axes": ["roll"], "keep": ["D"], "noise": 1.5},
+            "tune a.ulg model --judge old.params --axes roll --noise 1.5 --keep D",
+        ),
+        ("verify", {"result": "model", "logs": ["b.ulg"]}, "verify model b.ulg"),
+        (
+            "export",
+            {"results": ["model"], "to": "px4-sih", "values": {"m": 1.4}, "layout": "quad.x", "draws": 5},
+            "export model --to px4-sih --set m=1.4 --layout quad.x --draws 5 --seed 0",
+        ),
+    ],
+)
+def test_calls_are_command_lines(tool: str, arguments: dict[str, Any], line: str, folders: Folders) -> None:
+    assert words(tool, folders, **arguments) == line
+
+
+def test_results_are_named_after_logs_and_numbered(folders: Folders) -> None:
+    call = parse_call("verify", {"result": "model", "logs": ["b.ulg"]})
+    first = command_of(call, folders).out
+    assert first == folders.out / "b-verify"
+    first.mkdir(parents=True)
+    assert command_of(call, folders).out == folders.out / "b-verify-2"
+    named = parse_call("verify", {"result": "model", "logs": ["b.ulg"], "out": "mine"})
+    assert command_of(named, folders).out == folders.out / "mine"
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "sentence"),
+    [
+        ("shell", {}, "unknown tool 'shell'"),
+        ("inspekt", {"log": "a.ulg"}, "did you mean inspect?"),
+        ("inspect", {}, "inspect: log: Field required"),
+        ("inspect", {"log": "a.ulg", "force": True}, "inspect: force: Extra inputs are not permitted"),
+        ("identify", {"logs": ["a.ulg"]}, "identify needs either models or model_file"),
+        ("identify", {"logs": ["a.ulg"], "models": ["../a.toml"]}, "is not a model of the list"),
+        ("tune", {"given": ["a.ulg"], "judge": "old.params", "judge_text": "roll: P=1"}, "exclude each other"),
+        ("export", {"results": ["model"], "to": "json", "values": {"m": "x"}}, "values.m: Input should be"),
+        ("review", {"log": "a.ulg", "out": "../b"}, "out: use letters, digits"),
+    ],
+)
+def test_a_wrong_call_is_refused_in_words(
+    tool: str, arguments: dict[str, Any], sentence: str, folders: Folders
+) -> None:
+    with pytest.raises(UsageError) as error:
+        words(tool, folders, **arguments)
+    assert sentence in str(error.value)
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_every_tool_has_a_schema_and_a_sentence(tool: str) -> None:
+    schema = tool_schema(tool)
+    assert schema["type"] == "object"
+    assert schema["additionalProperties"] is False
+    assert TOOLS[tool].about.endswith(".")
