@@ -19,12 +19,10 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Set
-from pathlib import Path
 from types import MappingProxyType
 
-import rotorid
+from tests.sources import SOURCE, parts, syntax
 
-SOURCE = Path(rotorid.__file__).parent
 ROOM = re.compile(r"(^|/)(autopilots|mavlink|[a-z0-9_]*(px4|ardupilot|betaflight|crazyflie)[a-z0-9_]*)(/|\.py$)")
 NAMED = re.compile(
     r"(ardupilot|arducopter|px4|betaflight|cleanflight|inav|crazyflie|mavlink|dataflash|ulog|blackbox)\b|(ulg|bin|bbl)$",
@@ -95,9 +93,8 @@ def asked(node: ast.AST, constants: Set[str]) -> int:
     return 0
 
 
-def places(text: str) -> Iterator[str]:
+def places(tree: ast.Module) -> Iterator[str]:
     """The function of each name, once for each."""
-    tree = ast.parse(text)
     constants = {
         target.id
         for node in tree.body
@@ -115,7 +112,7 @@ def places(text: str) -> Iterator[str]:
         yield from [where] * count
         # What a comparison names is counted with it.
         counted = (ast.Tuple, ast.List, ast.Set) if count and not isinstance(node, ast.Dict) else ()
-        rest += [(child, where) for child in ast.iter_child_nodes(node) if not isinstance(child, counted)]
+        rest += [(child, where) for child in parts(node) if not isinstance(child, counted)]
 
 
 def found() -> Counter[str]:
@@ -124,7 +121,7 @@ def found() -> Counter[str]:
     for file in sorted(SOURCE.rglob("*.py")):
         path = file.relative_to(SOURCE).as_posix()
         if not ROOM.search(path):
-            counts.update(f"{path}:{where}" for where in places(file.read_text(encoding="utf-8")))
+            counts.update(f"{path}:{where}" for where in places(syntax(file)))
     return counts
 
 
@@ -142,7 +139,7 @@ def by(record):
             return named == OWN
     return named is autopilots.BETAFLIGHT or path == "px4_quad"
 """
-    assert Counter(places(text)) == {"module": 5, "by": 8}
+    assert Counter(places(ast.parse(text))) == {"module": 5, "by": 8}
 
 
 def test_autopilots_are_asked_for_by_name_in_few_places() -> None:

@@ -14,14 +14,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from tests.sources import nodes, syntax
+from tests.sources import SOURCE, nodes, parts, syntax
 
-import rotorid
 from rotorid.models import families
 from rotorid.models.families import Family
 from rotorid.models.library import RATE_AXES, RESPONSE_MODELS, model_names, nonlinear_model_names
-
-SOURCE = Path(rotorid.__file__).parent
 
 ROOMS = ("models/", "identifying/families.py")
 
@@ -51,6 +48,7 @@ def names_family(text: object) -> bool:
     return isinstance(text, str) and (text in _NAMES or text in _PREFIXES or text.startswith(_MADE))
 
 
+@cache
 def _module(path: Path) -> str:
     return ".".join(("rotorid", *path.relative_to(SOURCE).with_suffix("").parts))
 
@@ -92,7 +90,7 @@ def _names(node: ast.AST, constants: frozenset[str]) -> bool:
     # What is looked up in a table of models is an answer, no name; one of a list of names, by its number, is a name.
     if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Constant):
         return _names(node.slice, constants)
-    return any(_names(part, constants) for part in ast.iter_child_nodes(node))
+    return any(_names(part, constants) for part in parts(node))
 
 
 @cache
@@ -108,7 +106,8 @@ def _imported(path: Path) -> tuple[tuple[str, str, str], ...]:
 
 def _visible(path: Path, constants: frozenset[tuple[str, str]]) -> frozenset[str]:
     """Constants that name models, as a file calls them."""
-    own = {name for module, name in constants if module == _module(path)}
+    here = _module(path)
+    own = {name for module, name in constants if module == here}
     imported = {shown for module, name, shown in _imported(path) if (module, name) in constants}
     return frozenset(own | imported | _LISTS)
 
@@ -121,7 +120,7 @@ def comparisons(node: ast.AST, constants: frozenset[str]) -> Iterator[ast.AST]:
         if _compares(node, constants):
             yield node
         else:
-            rest.extend(ast.iter_child_nodes(node))
+            rest.extend(parts(node))
 
 
 def _compares(node: ast.AST, constants: frozenset[str]) -> bool:

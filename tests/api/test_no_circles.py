@@ -5,14 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 import pytest
-from tests.sources import syntax
+from tests.sources import SOURCE, parts, syntax
 
-import rotorid
-
-SOURCE = Path(rotorid.__file__).parent
 MODULES = {
     ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts): path
     for path in SOURCE.rglob("*.py")
@@ -22,7 +18,7 @@ MODULES = {
 
 def imports(node: ast.AST) -> Iterator[str]:
     """Modules that a part of a program imports when it runs; what only a type checker reads does not count."""
-    for child in ast.iter_child_nodes(node):
+    for child in parts(node):
         if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
             continue
         if isinstance(child, ast.ImportFrom) and child.module:
