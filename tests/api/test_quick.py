@@ -1,11 +1,15 @@
-"""``make quick`` chooses the tests of a change: by faces, tables and whatever stands between, the nearest first."""
+"""``make quick`` chooses the tests of a change: by faces, tables and whatever stands between, the nearest first.
+
+What it relies on: every unit test is named after a module that lives, and needs it.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
 
 import pytest
-from tests.quick import BUDGET_S, SHORT_S, Tree, durations_of, mirrored, read_tree
+from tests.quick import BUDGET_S, SHORT_S, Choice, Tree, distances, durations_of, mirrored, read_tree
 
 FILES = {
     "src/rotorid/__init__.py": "from rotorid._faces import lazy\n",
@@ -44,6 +48,12 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Tree:
 @pytest.fixture(scope="module")
 def tree() -> Tree:
     return read_tree()
+
+
+@pytest.fixture(scope="module")
+def choices(tree: Tree) -> Mapping[str, Choice]:
+    """Each file of the package, and what is chosen when it alone changes."""
+    return {file.path: tree.choose([file.path]) for file in tree.files.values() if file.path.startswith("src/")}
 
 
 def test_a_name_of_a_face_needs_the_module_that_defines_it(small: Tree) -> None:
@@ -115,24 +125,45 @@ def test_durations_are_those_of_a_report(tmp_path: Path) -> None:
         ("signal/stretch", "identifying/test_tracking"),
     ],
 )
-def test_the_tests_of_a_module_are_among_the_first(tree: Tree, module: str, test: str) -> None:
-    assert f"tests/unit/{test}.py" in tree.choose([f"src/rotorid/{module}.py"]).chosen[:3]
+def test_the_tests_of_a_module_are_among_the_first(choices: Mapping[str, Choice], module: str, test: str) -> None:
+    assert f"tests/unit/{test}.py" in choices[f"src/rotorid/{module}.py"].chosen[:3]
 
 
-def test_every_module_chooses_a_test(tree: Tree) -> None:
-    source = [file.path for file in tree.files.values() if file.path.startswith("src/")]
-    assert [path for path in source if not tree.choose([path]).chosen] == []
+def test_every_module_chooses_a_test(choices: Mapping[str, Choice]) -> None:
+    assert [path for path, choice in choices.items() if not choice.chosen] == []
 
 
-def test_a_test_named_after_a_module_is_chosen_for_it_first(tree: Tree) -> None:
+def test_a_test_named_after_a_module_is_chosen_for_it_first(tree: Tree, choices: Mapping[str, Choice]) -> None:
     for test, module in tree.mirrors.items():
         if module is not None and not tree.files[test].slow:
-            choice = tree.choose([tree.files[module].path])
+            choice = choices[tree.files[module].path]
             assert tree.files[test].path in choice.chosen + choice.left_out
             assert mirrored(choice.chosen[0], tree.files) == module
 
 
-def test_what_is_chosen_fits_into_the_budget(tree: Tree) -> None:
-    for path in (file.path for file in tree.files.values() if file.path.startswith("src/")):
-        chosen = tree.choose([path]).chosen
-        assert len(chosen) == 1 or sum(tree.durations_s.get(one, SHORT_S) for one in chosen) <= BUDGET_S, path
+def test_what_is_chosen_fits_into_the_budget(tree: Tree, choices: Mapping[str, Choice]) -> None:
+    for path, choice in choices.items():
+        cost_s = sum(tree.durations_s.get(one, SHORT_S) for one in choice.chosen)
+        assert len(choice.chosen) == 1 or cost_s <= BUDGET_S, path
+
+
+def test_every_unit_test_is_named_after_a_module(tree: Tree) -> None:
+    """``tests/unit/PACKAGE/test_MODULE.py``, or ``test_MODULE_ASPECT.py``."""
+    units = {test: file for test, file in tree.files.items() if file.path.startswith("tests/unit/") and file.is_test}
+    assert len(units) > 500
+    assert [file.path for test, file in units.items() if tree.mirrors[test] is None] == []
+
+
+def test_a_unit_test_needs_the_module_that_it_is_named_after(tree: Tree) -> None:
+    strangers = {
+        test: module
+        for test, module in tree.mirrors.items()
+        if module is not None and module not in distances(tree.imports, [test])
+    }
+    assert strangers == {}
+
+
+def test_what_tests_share_is_in_the_folder_of_a_package(tree: Tree) -> None:
+    folders = {PurePosixPath(file.path).parent for file in tree.files.values() if file.path.startswith("tests/unit/")}
+    packages = {PurePosixPath(file.path).parent for file in tree.files.values() if file.path.endswith("/__init__.py")}
+    assert {PurePosixPath("src/rotorid") / folder.relative_to("tests/unit") for folder in folders} <= packages
