@@ -33,7 +33,7 @@ def try_all(first: int, cases: Sequence[Case]) -> None:
         compiled = re.compile(pattern, flags & ~re.UNICODE if isinstance(pattern, bytes) else flags)
         # All others search from place to place.
         names = sorted({name if name in ("fullmatch", "match") else "search" for name in methods})
-        for size in (*(size for size in SIZES if size <= most), most):
+        for size in sorted({*(size for size in SIZES if size <= most), most}):
             for text in attacks(pattern, size):
                 given: Any = text.encode("latin-1", errors="replace") if isinstance(pattern, bytes) else text
                 sys.stdout.write(f"{number} {text[:40]!r} of {len(text)} letters\n")

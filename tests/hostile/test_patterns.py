@@ -61,6 +61,7 @@ def patterns() -> Iterator[tuple[str, str | bytes, int, frozenset[str]]]:
             continue
         module = ".".join(("rotorid", *file.relative_to(ROOT).with_suffix("").parts))
         tree = ast.parse(text)
+        nodes = list(ast.walk(tree))
         named = {
             target.id: node.value
             for node in tree.body
@@ -70,8 +71,8 @@ def patterns() -> Iterator[tuple[str, str | bytes, int, frozenset[str]]]:
         }
         for name in named:
             compiled = getattr(import_module(module), name)
-            yield f"{module}.{name}", compiled.pattern, compiled.flags, _methods(tree, name)
-        elsewhere = [node for node in ast.walk(tree) if _is_call(node) and node not in named.values()]
+            yield f"{module}.{name}", compiled.pattern, compiled.flags, _methods(nodes, name)
+        elsewhere = [node for node in nodes if _is_call(node) and node not in named.values()]
         for node in elsewhere:
             assert isinstance(node, ast.Call)
             first = node.args[0]
@@ -85,11 +86,11 @@ def patterns() -> Iterator[tuple[str, str | bytes, int, frozenset[str]]]:
                 yield place, first.value if constant else "", 0, frozenset({node.func.attr})  # type: ignore[attr-defined]
 
 
-def _methods(tree: ast.Module, name: str) -> frozenset[str]:
+def _methods(nodes: Sequence[ast.AST], name: str) -> frozenset[str]:
     """What is done with a pattern in its module; anything may be where nothing is."""
     done = {
         node.attr
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == name
     }
     return frozenset(done & _CALLS) or _CALLS
