@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -477,19 +478,22 @@ def _searched(
     """The best gains of the grid that keep the limits on the draws; ``None``, with the reason, where none do."""
     ranked: list[tuple[float, _Shape]] = []
     nominal, drawn, start = plants.nominal, plants.drawn, first_counted(parts.omega_rad_s, plants.from_rad_s)
-    for shape in _shapes(axis, flown.gains, wishes):
-        gains = _best_of(shape, parts, nominal, start, flown, wishes)
-        if gains is None:
-            continue
-        rms = float(parts.attitude_rms(nominal, nominal * parts.whole(gains))[0])
-        ranked.append((rms, shape))
+    for _, alike in groupby(_shapes(axis, flown.gains, wishes), key=lambda shape: (shape.a, shape.d)):
+        shapes = list(alike)
+        for shape, limits in zip(shapes, _limits_of_loops(parts, nominal, start, shapes, wishes), strict=True):
+            gains = _best_of(shape, parts, nominal, limits, flown, wishes)
+            if gains is None:
+                continue
+            rms = float(parts.attitude_rms(nominal, nominal * parts.whole(gains))[0])
+            ranked.append((rms, shape))
     if not ranked:
         reasons.append("no gains that were tried keep the limits on the identified plant")
         return None
     ranked.sort(key=lambda item: item[0])
     found: list[tuple[float, Gains]] = []
     for _, shape in ranked[:_KEPT_SHAPES]:
-        gains = _best_of(shape, parts, drawn, start, flown, wishes)
+        (limits,) = _limits_of_loops(parts, drawn, start, [shape], wishes)
+        gains = _best_of(shape, parts, drawn, limits, flown, wishes)
         if gains is None:
             continue
         over = float(np.median(parts.attitude_rms(drawn, drawn * parts.whole(gains))))
@@ -577,10 +581,10 @@ def _proportionals(flown: Gains, kept: Mapping[str, float], wishes: Wishes) -> l
 
 
 def _best_of(
-    shape: _Shape, parts: ControllerParts, plants: ComplexArray, start: int, flown: Judged, wishes: Wishes
+    shape: _Shape, parts: ControllerParts, plants: ComplexArray, limits: _LoopLimits, flown: Judged, wishes: Wishes
 ) -> Gains | None:
     """The gains of a shape with the largest P that holds on the plants, kept ones as they are; ``None`` where none."""
-    k = _gain(parts, plants, start, shape, flown, wishes)
+    k = _gain(parts, plants, limits, shape, flown, wishes)
     if k is None:
         return None
     return Gains(**{"P": k, "I": shape.a * k, "D": shape.d * k, "A": shape.A, **_kept(flown.gains, wishes)})
@@ -599,10 +603,31 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
     return low, high
 
 
+class _LoopLimits(NamedTuple):
+    """Least and largest P by the limits of the loops, each of shape ``(draws,)``."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+def _limits_of_loops(
+    parts: ControllerParts, plants: ComplexArray, start: int, shapes: Sequence[_Shape], wishes: Wishes
+) -> list[_LoopLimits]:
+    """Limits of P for shapes of equal I/P and D/P: they have one rate loop, whatever their angle gain."""
+    units = [Gains(P=1.0, I=a, D=d, A=A) for a, d, A, _ in shapes]
+    low, high = _bounds(plants * parts.rate(units[0]), wishes, wishes.phase_margin_rad, start=start)
+    # Most of the time of a search goes into calls for few numbers: one call for all angle gains.
+    whole = np.concatenate([plants * parts.whole(unit) for unit in units])
+    lows, highs = (side.reshape(len(shapes), -1) for side in _bounds(whole, wishes, None, start=start))
+    return [
+        _LoopLimits(np.maximum(low, below), np.minimum(high, above)) for below, above in zip(lows, highs, strict=True)
+    ]
+
+
 def _gain(
     parts: ControllerParts,
     plants: ComplexArray,
-    start: int,
+    limits: _LoopLimits,
     shape: _Shape,
     flown: Judged,
     wishes: Wishes,
@@ -611,17 +636,12 @@ def _gain(
     a, d, A, given = shape
     kept = _kept(flown.gains, wishes)
     unit = Gains(P=1.0, I=a, D=d, A=A)
-    controller = parts.rate(unit)
-    rate, whole = plants * controller, plants * parts.whole(unit)
-    low = np.zeros(len(plants))
-    high = np.full(len(plants), np.inf)
-    for loop, phase_margin in ((rate, wishes.phase_margin_rad), (whole, None)):
-        from_below, from_above = _bounds(loop, wishes, phase_margin, start=start)
-        low, high = np.maximum(low, from_below), np.minimum(high, from_above)
+    low, high = limits
     apart = np.zeros(len(plants))
     if A > 0.0:
         at = np.searchsorted(parts.omega_rad_s, wishes.angle_room * A)
-        apart = 1.0 / np.abs(rate[:, min(at, rate.shape[1] - 1)])
+        column = min(at, plants.shape[1] - 1)
+        apart = 1.0 / np.abs(plants[:, column] * parts.rate(unit)[column])
     if len(plants) > 1:
         k_low, k_high = float(np.quantile(low, 1.0 - QUANTILE)), float(np.quantile(high, QUANTILE))
         k_apart = float(np.quantile(apart, 1.0 - QUANTILE))

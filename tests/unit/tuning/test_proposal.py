@@ -25,6 +25,7 @@ from rotorid.tuning import (
 from rotorid.tuning.proposal import (
     _bounds,
     _gain,
+    _limits_of_loops,
     _Shape,
     flights_between,
     robustness_in_words,
@@ -71,6 +72,21 @@ def test_bounds_in_closed_form_are_those_of_a_scan(shape: tuple[float, float, fl
     step = tried[1] / tried[0]
     assert holds.max() == pytest.approx(high[0], rel=step - 1.0)
     assert holds.min() == pytest.approx(max(low[0], holds.min()), rel=step - 1.0)
+
+
+def test_limits_of_shapes_together_are_those_of_each() -> None:
+    parts = bare_parts()
+    plants = np.array([[0.8], [1.0], [1.3]]) * vehicle(parts.omega_rad_s)
+    shapes = [_Shape(2.0, 0.015, A) for A in (0.0, 2.0, 4.0, 9.0)]
+    together = _limits_of_loops(parts, plants, 3, shapes, Wishes())
+    for shape, limits in zip(shapes, together, strict=True):
+        (alone,) = _limits_of_loops(parts, plants, 3, [shape], Wishes())
+        assert np.array_equal(limits, alone)
+        unit = Gains(P=1.0, I=shape.a, D=shape.d, A=shape.A)
+        rate = _bounds(plants * parts.rate(unit), Wishes(), Wishes().phase_margin_rad, start=3)
+        whole = _bounds(plants * parts.whole(unit), Wishes(), None, start=3)
+        assert np.array_equal(limits.low, np.maximum(rate[0], whole[0]))
+        assert np.array_equal(limits.high, np.minimum(rate[1], whole[1]))
 
 
 def test_no_factor_is_offered_where_none_makes_the_loop_stable() -> None:
@@ -266,7 +282,9 @@ def test_a_shape_that_leaves_no_room_between_its_least_and_largest_gain_is_refus
             for loop, margin in ((parts.rate(unit), wishes.phase_margin_rad), (parts.whole(unit), None))
         ]
         room = min(high[0] for _, high in pairs) / max(max(low[0] for low, _ in pairs), 1e-9)
-        answers[room] = _gain(parts, plants, 0, _Shape(a, 0.015, 4.0), flown, wishes)
+        shape = _Shape(a, 0.015, 4.0)
+        (limits,) = _limits_of_loops(parts, plants, 0, [shape], wishes)
+        answers[room] = _gain(parts, plants, limits, shape, flown, wishes)
     narrow = [k for room, k in answers.items() if 1.02 < room < 1.28]
     assert narrow
     assert all(k is None for k in narrow)

@@ -19,7 +19,7 @@ from rotorid.tuning import (
     loop_figures,
     uncertain_plant,
 )
-from rotorid.tuning.proposal import _broken, _broken_limit, _gain, _inside, _Plants, _Shape
+from rotorid.tuning.proposal import _broken, _broken_limit, _gain, _inside, _limits_of_loops, _Plants, _Shape
 from rotorid.typing import ComplexArray
 
 CONTROLLER = RateController(proportional_s=0.1, derivative_s2=0.001, step_s=1.0 / 400.0)
@@ -36,11 +36,16 @@ def power_law(exponent: float, delay_s: float) -> ComplexArray:
     return np.asarray((1j * OMEGA) ** -exponent * np.exp(-1j * OMEGA * delay_s))
 
 
+def gain_of(shape: _Shape, plants: ComplexArray, flown: Judged, wishes: Wishes) -> float | None:
+    (limits,) = _limits_of_loops(PARTS, plants, 0, [shape], wishes)
+    return _gain(PARTS, plants, limits, shape, flown, wishes)
+
+
 def largest(loops: ComplexArray, wishes: Wishes) -> float:
     """The largest factor that the search allows on some loops of P alone."""
     plants = np.atleast_2d(loops) / BY_P
     flown = judged(PARTS, plants, Gains(P=1.0, I=0.0, D=0.0, A=0.0))
-    found = _gain(PARTS, plants, 0, _Shape(0.0, 0.0, 0.0), flown, wishes)
+    found = gain_of(_Shape(0.0, 0.0, 0.0), plants, flown, wishes)
     assert found is not None
     return found
 
@@ -86,7 +91,7 @@ def test_a_loop_that_must_not_be_weaker_in_hover_has_to_hold_at_the_weak_end() -
 
     def allowed(P: float, gain_range: tuple[float, float]) -> bool:
         wishes = replace(FREE, sensitivity_peak=2.5, phase_margin_rad=0.3, gain_range=gain_range)
-        return _gain(PARTS, plants, 0, _Shape(0.0, 0.0, 0.0, P), flown, wishes) is not None
+        return gain_of(_Shape(0.0, 0.0, 0.0, P), plants, flown, wishes) is not None
 
     tried = np.geomspace(0.05, 20.0, 60)
     wide, narrow = (np.array([allowed(float(P), both) for P in tried]) for both in ((1.0, 1.0), (0.5, 1.0)))
