@@ -68,6 +68,14 @@ HELP: Mapping[str, CommandHelp] = MappingProxyType(
             ),
             "--log --segment --shift --hold --map --figures --tables --out --json --verbose",
         ),
+        "bench": CommandHelp(
+            (
+                "neurobem --data neurobem",
+                "idsia --data nanodrone --predictions mine.csv --tables tex",
+                "nanobench --data dataset --predictions mymodel:predict",
+            ),
+            "--data --predictions --label --tables --pdf --out --json --verbose",
+        ),
         "delay": CommandHelp(
             (_LOG, f"{_LOG} --input roll_command --output p", f"{_LOG} --json"),
             "--input --output --segment --band --shift --windows --map --out --json --verbose",

@@ -19,6 +19,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("autotune", "auto-tune", "tuning", "pid", "gains", "optimize", "optimise"), "tune"),
         **dict.fromkeys(("convert", "save", "write", "sitl", "gazebo", "matlab", "simulink", "urdf", "fmu"), "export"),
         **dict.fromkeys(("batch", "many", "folder", "database"), "fleet"),
+        **dict.fromkeys(("benchmark", "benchmarks", "leaderboard"), "bench"),
         **dict.fromkeys(("monitor", "watch", "health", "follow"), "track"),
         **dict.fromkeys(("library", "list", "list-models"), "models"),
         **dict.fromkeys(("airframes", "drones", "aircraft"), "vehicles"),
@@ -49,3 +50,12 @@ TARGETS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Word to the target of ``rotorid export`` that is meant."""
+
+BENCHMARKS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("nano-drone", "nano_drone", "nanodrone", "busetto"), "idsia"),
+        **dict.fromkeys(("neuro-bem", "neuro_bem", "bem", "uzh"), "neurobem"),
+        **dict.fromkeys(("nano-bench", "nano_bench"), "nanobench"),
+    }
+)
+"""Word to the public benchmark that is meant."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from rotorid.documents.base import Document
 from rotorid.documents.bench import BenchDesignDocument
+from rotorid.documents.benchmark import BenchDocument
 from rotorid.documents.brief import BriefDocument, BriefsDocument
 from rotorid.documents.compare import CompareDocument
 from rotorid.documents.delay import DelayDocument
@@ -54,6 +55,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.fleet-1": FleetDocument,
     "rotorid.error-1": ErrorDocument,
     "rotorid.track-1": TrackDocument,
+    "rotorid.bench-1": BenchDocument,
 }
 
 

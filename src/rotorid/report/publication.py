@@ -22,6 +22,7 @@ from rotorid.report.tables import (
 )
 
 if TYPE_CHECKING:
+    from rotorid.benchmarking.bench import Benchmarked
     from rotorid.flying.flown_models import FlownModel
     from rotorid.identifying.comparison import Comparison
     from rotorid.identifying.verification import Verified
@@ -109,6 +110,14 @@ def of_comparison(compared: Comparison) -> Publication:
     return Publication(
         pictures=_named(pictures_of(document, compared.maneuvers, steps)), tables=comparison_tables(document)
     )
+
+
+def of_benchmark(found: Benchmarked) -> Publication:
+    """Of a public benchmark: its table, with the source of each row."""
+    from rotorid.documents.benchmark import bench_document
+    from rotorid.report.benchmark import bench_table
+
+    return Publication(pictures={}, tables=(bench_table(bench_document(found)),))
 
 
 def write_publication(

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 _OPTIONS: Mapping[str, str] = MappingProxyType(
     {
+        "bench": "data label predictions",
         "compare simulate stitch": "log",
         "delay": "input output",
         "demo": "keep-log",
@@ -37,9 +38,9 @@ _OPTIONS: Mapping[str, str] = MappingProxyType(
         "identify response verify compare delay": "shift",
         "identify response verify compare delay inspect review simulate stitch track tune": "map",
         "identify response verify compare delay simulate": "segment",
-        "identify response verify compare demo design fleet inspect review simulate stitch track tune": "pdf",
+        "identify response verify compare bench demo design fleet inspect review simulate stitch track tune": "pdf",
         "identify response verify compare review simulate": "figures",
-        "identify response verify compare simulate": "tables",
+        "identify response verify compare bench simulate": "tables",
         "identify response verify delay": "coherence estimate instrument windows",
         "identify response verify delay design": "band",
         "identify simulate": "pieces runs",

@@ -41,6 +41,7 @@ ELSEWHERE = {
     "stitch": "needs results at several speeds; tests/unit/cli/test_stitch_command.py",
     "tune": "needs gains; tests/unit/cli/test_tune_command.py",
     "track": "needs a long flight by stick; tests/unit/cli/test_track_command.py",
+    "bench": "needs a data set; tests/unit/cli/test_bench_command.py",
     "lab": "prints an address",
     "mcp": "speaks a protocol; tests/unit/mcp",
     "run": "prints what its steps print",

@@ -21,6 +21,7 @@ PAGES = (
     "tune",
     "fleet",
     "track",
+    "bench",
 )
 ALSO = ("inspect", "demo")
 PRINTS = '#!/bin/sh\nfor word; do case "$word" in --print-to-pdf=*) printf %%PDF- > "${word#*=}";; esac; done\n'
