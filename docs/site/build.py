@@ -28,7 +28,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 DOCS = ROOT / "docs"
 FACES = (
-    *("rotorid", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting", "rotorid.fleets"),
+    *("rotorid", "rotorid.benchmarking", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting", "rotorid.fleets"),
     *(
         "rotorid.flights",
         "rotorid.flying",
@@ -185,7 +185,7 @@ PARTS = {
     "How-to guides": (
         *("what-it-does", "review", "review-loops", "review-noise-motors", "design", "test-inputs", "tune"),
         *("track", "fleet", "lab", "simulation", "vehicles", "export", "export-gallery", "forward-flight"),
-        *("mapping", "python", "preferences", "adding"),
+        *("mapping", "python", "bench", "preferences", "adding"),
     ),
     "Explanation": (
         *("method", "motors", "flight", "time-domain", "searches", "controllers", "accuracy", "limits", "tuning-study"),
