@@ -45,6 +45,8 @@ TARGETS: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(("mjcf", "xml"), "mujoco"),
         **dict.fromkeys(("l2f", "raptor", "rl_tools", "rltools"), "rl-tools"),
         **dict.fromkeys(("drone-models", "drone_models", "toml"), "crazyflow"),
+        **dict.fromkeys(("aerial_gym", "aerialgym", "isaac-gym", "isaacgym"), "aerial-gym"),
+        **dict.fromkeys(("agilicious", "flightlib"), "flightmare"),
         **dict.fromkeys(("ros", "ros2", "rviz", "pybullet", "isaac"), "urdf"),
         **dict.fromkeys(("fmi", "modelica", "dymola", "openmodelica"), "fmu"),
     }

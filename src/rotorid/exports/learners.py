@@ -108,3 +108,16 @@ def plain(values: FloatArray | float) -> object:
     if array.ndim == 0:
         return float(f"{float(array) + 0.0:.9g}")
     return [plain(item) for item in array]
+
+
+def yaml_number(value: float) -> str:
+    """A number with a point, without which YAML 1.1 reads one with an exponent as text.
+
+    Examples
+    --------
+    >>> yaml_number(1e-9), yaml_number(0.25)
+    ('1.0e-09', '0.25')
+    """
+    text = f"{value + 0.0:.9g}"
+    mantissa, e, exponent = text.partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"

@@ -30,7 +30,7 @@ from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.errors import ModelError
 from rotorid.exports.arrangement import Arranged, arranged
-from rotorid.exports.learners import DrawnFiles, lags_of, numbered
+from rotorid.exports.learners import DrawnFiles, lags_of, numbered, yaml_number
 from rotorid.exports.mujoco import FLU, own_slopes, require_rigid
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.rotorpy import SpeedVehicle, require_upright, speed_vehicle
@@ -237,17 +237,10 @@ def _yaml(model: ThrottleVehicle, head: Sequence[str]) -> str:
     }
     lines = [f"# {line}".rstrip() for line in head]
     for block, values in blocks.items():
-        lines += ["", f"{block}:", *(f"  {key}: {_number(value)}" for key, value in values.items())]
+        lines += ["", f"{block}:", *(f"  {key}: {yaml_number(value)}" for key, value in values.items())]
     lines += ["", "# Throttles are (output + shift) / (1 + shift), of the vehicle's rotors in this order, from 0."]
-    lines += ["outputs:", f"  shift: {_number(speeds.shift)}", f"  order: {list(model.rotors.order)}"]
+    lines += ["outputs:", f"  shift: {yaml_number(speeds.shift)}", f"  order: {list(model.rotors.order)}"]
     return "\n".join([*lines, "", _CONTROLLERS])
-
-
-def _number(value: float) -> str:
-    """A number with a point, without which YAML 1.1 reads one with an exponent as text."""
-    text = f"{value + 0.0:.9g}"
-    mantissa, e, exponent = text.partition("e")
-    return f"{mantissa}{'' if '.' in mantissa else '.0'}{e}{exponent}"
 
 
 _CONTROLLERS = """\

@@ -125,6 +125,7 @@ class TargetSettings(Immutable):
         Option(
             "--to",
             "px4-sih, ardupilot, gazebo, mujoco, rotorpy, urdf, rl-tools (l2f, RAPTOR), crazyflow, pyflyt, "
+            "aerial-gym, flightmare, "
             "allocation (ArduPilot, Betaflight, PX4), "
             "matlab (Simulink, Octave), control (python-control), fmu (Simulink, Modelica) or json.",
             "What is written",

@@ -60,6 +60,13 @@ TARGETS: Mapping[str, Target] = {
         ),
         Target(name="pyflyt", summary="PyFlyt: a folder with URDF and YAML", module="pyflyt", together=True),
         Target(
+            name="aerial-gym",
+            summary="Aerial Gym: a configuration in Python, and URDF",
+            module="aerial_gym",
+            together=True,
+        ),
+        Target(name="flightmare", summary="Flightmare: a block of its YAML", module="flightmare", together=True),
+        Target(
             name="allocation",
             summary="Motor factors for ArduPilot (Lua), Betaflight (mmix) and PX4 (CA_ROTOR)",
             module="allocation",

@@ -84,6 +84,8 @@ class Step(BaseModel):
         "rl-tools",
         "crazyflow",
         "pyflyt",
+        "aerial-gym",
+        "flightmare",
         "allocation",
         "matlab",
         "control",

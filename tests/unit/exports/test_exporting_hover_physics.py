@@ -9,7 +9,10 @@ from rotorid.exports.exporting import export
 from rotorid.flying.vehicle_from_results import joined_vehicle
 from rotorid.simulation.linearization import hover_derivatives_of, hover_slopes
 
-SIMULATORS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "rl-tools", "crazyflow", "pyflyt")
+SIMULATORS = (
+    *("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu"),
+    *("rl-tools", "crazyflow", "pyflyt", "aerial-gym", "flightmare"),
+)
 ROUNDED = 5e-4
 
 

@@ -35,7 +35,7 @@ FULL = {
     "kappa_lambda": 4e-4,
     "k_r": 0.002,
 }
-TARGETS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "crazyflow")
+TARGETS = ("px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "fmu", "crazyflow", "aerial-gym")
 DRAG, LIFT = (f"{name} at {LIMITS.edge_m_s[1]:g} m/s" for name in ("drag", "lift gained"))
 
 
@@ -77,7 +77,11 @@ def test_drag_at_speed_is_the_identified_one(target: str) -> None:
     [
         ("gazebo", {"m_s"}),
         ("rotorpy", {"c_lambda", "c_h", "m_f", "d_z"}),
-        *((name, set()) for name in ("px4-sih", "ardupilot", "urdf", "fmu", "rl-tools", "crazyflow", "pyflyt")),
+        *(
+            (name, set())
+            for name in ("px4-sih", "ardupilot", "urdf", "fmu", "rl-tools", "crazyflow", "pyflyt", "flightmare")
+        ),
+        ("aerial-gym", {"d_z"}),
     ],
 )
 def test_what_a_target_lacks_is_named(target: str, kept: set[str]) -> None:

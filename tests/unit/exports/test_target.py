@@ -61,6 +61,8 @@ def test_targets_are_all_there() -> None:
             "rl-tools",
             "crazyflow",
             "pyflyt",
+            "aerial-gym",
+            "flightmare",
         ),
         *("matlab", "control", "fmu", "json"),
     }

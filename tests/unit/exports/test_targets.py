@@ -142,7 +142,9 @@ def test_motors_without_a_lag_take_no_delay(target: str) -> None:
         export(whole(), target, ExportSettings(delay="lag"))
 
 
-@pytest.mark.parametrize("target", ["px4-sih", "ardupilot", "gazebo", "rotorpy", "urdf", "crazyflow", "pyflyt"])
+@pytest.mark.parametrize(
+    "target", ["px4-sih", "ardupilot", "gazebo", "rotorpy", "urdf", "crazyflow", "pyflyt", "aerial-gym"]
+)
 def test_tilted_rotors_do_not_become_upright_ones(target: str) -> None:
     tilted = replace(library_layout("quad.x"), axes=np.tile([0.05, 0.0, -math.sqrt(1.0 - 0.05**2)], (4, 1)))
     with pytest.raises(ModelError, match="are tilted; expected upright ones"):
