@@ -216,9 +216,7 @@ def _urdf(name: str, body: Multirotor, model: ThrottleVehicle, head: Sequence[st
     lines = ['<?xml version="1.0" ?>', *xml_comment(head), f'<robot name="{name}">', '  <link name="base_link">']
     lines += inertial_lines(speeds.mass_kg, speeds.inertia_kg_m2, np.zeros(3))
     lines += [f"    <visual>{origin}{shape}</visual>", f"    <collision>{origin}{shape}</collision>", "  </link>"]
-    # The height of upright rotors without drag has no effect; in PyBullet it would damp, by poses a step apart.
-    hubs = speeds.hubs_m[list(model.rotors.order)] * [1.0, 1.0, 0.0]
-    lines += massless_links(hubs, "body")
+    lines += massless_links(speeds.hubs_m[list(model.rotors.order)], "body")
     return "\n".join([*lines, "</robot>"]) + "\n"
 
 

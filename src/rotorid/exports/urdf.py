@@ -179,7 +179,9 @@ def _urdf(
 def massless_links(hubs_m: FloatArray, center: str) -> list[str]:
     """Links of the rotors, and one at the center of gravity, by whose order their readers know them."""
     lines: list[str] = []
-    for link, place in [*((f"prop{i}", hub) for i, hub in enumerate(hubs_m)), (center, np.zeros(3))]:
+    # The height of upright rotors without drag has no effect; in PyBullet it would damp, by poses a step apart.
+    flat = hubs_m * [1.0, 1.0, 0.0]
+    for link, place in [*((f"prop{i}", hub) for i, hub in enumerate(flat)), (center, np.zeros(3))]:
         lines += [f'  <link name="{link}_link">', *inertial_lines(0.0, np.zeros((3, 3)), place), "  </link>"]
         lines += [f'  <joint name="{link}_joint" type="fixed">', '    <parent link="base_link"/>']
         lines += [f'    <child link="{link}_link"/>', "  </joint>"]
