@@ -69,6 +69,9 @@ def _standard() -> Mapping[str, str]:
     units |= {f"{axis}_slew_factor": "1" for axis in AXES[:3]}
     units |= {"velocity_forward": "m/s", "velocity_right": "m/s"}
     units |= {f"velocity_{way}_dot": "m/s^2" for way in ("forward", "right", "down")}
+    # Of outer loops: the velocity that stick or path ask for, and the acceleration that they ask for themselves.
+    units |= {f"velocity_{way}_feedforward": "m/s" for way in ("north", "east", "down")}
+    units |= {f"acceleration_{way}_setpoint": "m/s^2" for way in ("north", "east", "down")}
     units |= {"wind_north": "m/s", "wind_east": "m/s", "accel_clips": "1", "hover_thrust": "1"}
     units |= {f"{name}_vibration": "m/s^2" for name in ("ax", "ay", "az")}
     return MappingProxyType(units | {"battery_voltage": "V", "battery_current": "A"})

@@ -35,11 +35,11 @@ class ComparedFigureDocument(Document):
     foretold: QuantityDocument
     measured: QuantityDocument
     inside: bool
-    method: Literal["model", "injection"] = "model"
+    method: Literal["model", "injection", "setpoints"] = "model"
     decided: bool = True
 
 
-METHODS = {"model": "plant and gains", "injection": "test signal"}
+METHODS = {"model": "plant and gains", "injection": "test signal", "setpoints": "set-points"}
 """How a figure was measured, for people."""
 
 
@@ -51,7 +51,7 @@ def compared_words(row: ComparedFigureDocument) -> str:
 class CheckedAxisDocument(Document):
     """An axis: which gains its log has, figures predicted and measured, the verdict, and what to do next.
 
-    ``contradicted`` is true where the test signal at the mixer disagrees with the identified plant.
+    ``contradicted`` is true where what was measured without a model disagrees with the identified plant.
     """
 
     gains: Literal["proposed", "flown", "other"]

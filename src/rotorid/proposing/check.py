@@ -4,7 +4,8 @@ The second flight is identified like the first, and its loops are compared with 
 its value lies in the predicted interval, widened by the uncertainty of the second flight.
 
 An identified plant may be wrong in both flights in the same way, and then it agrees with itself. Where a test signal
-was added at the mixer, the whole loop is measured with it, without any model, and that measurement counts. Two wide
+was added at the mixer, or the set-points of the velocity moved and are logged, the whole loop is measured with it,
+without any model, and that measurement counts. Two wide
 intervals always overlap, so an uncertain figure decides nothing.
 """
 
@@ -28,12 +29,15 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
 from rotorid.models.autopilots.outer import OUTER_LOOPS
+from rotorid.proposing.outer import flown_outer
+from rotorid.proposing.outer_flown import LoopSeen, loop_by_setpoints
 from rotorid.proposing.proposal import AxisTuning, tune
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.kinds import KINDS
+from rotorid.tuning.loops import Gains
 from rotorid.typing import ComplexArray, FloatArray, LoopName
 
 COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
@@ -62,10 +66,7 @@ _SWEEPS: Mapping[LoopName, str] = {
 _SAME = 5e-3
 """Relative difference up to which gains are the same: a ground station rounds them, and no figure would show it."""
 
-PEAK_WIDER = 1.5
-"""Factor of the interval of a peak that is read off a measured sensitivity, as the review has it."""
-
-_MODEL, _INJECTION = "model", "injection"
+_MODEL, _INJECTION, _SETPOINTS = "model", "injection", "setpoints"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +112,8 @@ class ComparedFigure(Immutable):
     inside
         Whether the second flight is as predicted, within both intervals.
     method
-        ``injection``, measured with the test signal at the mixer, or ``model``: the identified plant times the gains.
+        ``injection``, measured with the test signal at the mixer, ``setpoints``, with those of the velocity, or
+        ``model``: the identified plant times the gains.
     decided
         Whether it counts: it is outside, or both intervals are narrow enough to exclude another loop.
     """
@@ -140,7 +142,7 @@ class CheckedAxis(Immutable):
     tuning
         The second flight, tuned: its loops, and what would change now.
     contradicted
-        Whether the test signal at the mixer shows another loop than the identified plant does.
+        Whether what was measured shows another loop than the identified plant does.
     verdict
         ``as_foretold``, ``inside_limits``, ``worse``, ``cannot_tell`` or ``other_gains``.
     sentence, advice
@@ -226,7 +228,7 @@ def check_tuning(
     found = tune(models, records, settings=chosen)
     logs = as_records(records)
     axes = {
-        axis: _checked(axis, foretold[axis], found.axes[axis], _injected(axis, logs))
+        axis: _checked(axis, foretold[axis], found.axes[axis], _measured(axis, logs))
         for axis in axes_compared
         if axis in found.axes
     }
@@ -243,27 +245,23 @@ def check_tuning(
     )
 
 
-def _injected(axis: LoopName, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
-    """Figures of the whole loop by the injections at the mixer, by name; empty where a flight has none."""
+def _measured(axis: LoopName, logs: Sequence[FlightRecord]) -> dict[str, Quantity]:
+    """Figures of the whole loop without the plant of a model, by name; empty where a flight does not show it.
+
+    An axis is measured by injections at the mixer, the velocity by its set-points.
+    """
     own = next((tuned for tuned in TUNED_AXES if tuned == axis), None)
-    if own is None:
-        return {}
     try:
-        found = loop_by_injection(own, logs)
+        if axis == "velocity":
+            outer = flown_outer(axis, logs)
+            by_setpoints = loop_by_setpoints(outer, Gains.of(outer.controller.controller), logs)
+            return {} if by_setpoints is None else by_setpoints.quantities
+        found = None if own is None else loop_by_injection(own, logs)
     except (InsufficientDataError, UsageError):
         return {}
     if found is None or found.loop is None or found.margins is None or found.rejection is None:
         return {}
-    figures = {}
-    if found.margins.gain_crossovers and (phase := found.margins.phase_margin_rad) is not None:
-        crossover = found.margins.gain_crossovers[-1].omega_rad_s
-        figures["crossover_rad_s"] = Quantity.normal(crossover.value, crossover.std, "rad/s")
-        figures["phase_margin_deg"] = Quantity.normal(math.degrees(phase.value), math.degrees(phase.std), "deg")
-    peak, place = found.rejection.peak, found.rejection.peak_omega_rad_s
-    # A sweep that ends near the peak biases its last points: what looks like a peak there is the end of the band.
-    if peak is not None and place is not None and place.interval[1] < found.loop.omega_rad_s[-1]:
-        figures["sensitivity_peak"] = Quantity.normal(peak.value, PEAK_WIDER * peak.std, "1")
-    return figures
+    return LoopSeen(found.margins, found.rejection, float(found.loop.omega_rad_s[-1])).quantities
 
 
 def _checked(axis: LoopName, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
@@ -279,7 +277,7 @@ def _checked(axis: LoopName, before: Foretold, now: AxisTuning, injected: Mappin
         if name in predicted and name in measured and not (loop == "whole" and name in injected)
     ]
     figures += [
-        _compared("whole", name, before.whole[name], measured, method=_INJECTION)
+        _compared("whole", name, before.whole[name], measured, method=_SETPOINTS if KINDS[axis].outer else _INJECTION)
         for name, measured in injected.items()
         if name in before.whole
     ]
@@ -380,7 +378,8 @@ def _words(
         f" Measured peak sensitivity M_s: {peak.measured.value:.2f}." if peak is not None and peak.decided else ""
     )
     other = (
-        " The test signal at the mixer contradicts the identified plant, which may be wrong in both flights."
+        f" {_CONTRADICTS.get(axis, 'The test signal at the mixer contradicts')} the identified plant, which may be "
+        "wrong in both flights."
         if contradicted
         else ""
     )
@@ -390,6 +389,8 @@ def _words(
         which = "the old gains" if old else "neither the new nor the old gains"
         todo = "Load the new gains and fly again" if old else "Tune from this log, or load the new gains and fly again"
         return f"This log was flown with {which}, so nothing can be checked.{peak_words}", f"{todo}."
+    seen = any(figure.method != _MODEL for figure in figures)
+    computed = "" if seen else _COMPUTED.get(axis, "")
     names = _named(axis, [figure for figure in figures if figure.decided and not figure.inside])
     if verdict == "cannot_tell":
         missed = f" These differ from the prediction: {names}." if names else ""
@@ -400,7 +401,7 @@ def _words(
         )
     if verdict == "as_foretold":
         return (
-            f"The loop is as predicted.{_COMPUTED.get(axis, '')}{peak_words}{other}",
+            f"The loop is as predicted.{computed}{peak_words}{other}",
             f"Keep these gains. {_further(axis, sweep, now)}",
         )
     if verdict == "worse":
@@ -419,6 +420,9 @@ def _words(
         f"These gains can stay. {following}",
     )
 
+
+_CONTRADICTS: Mapping[LoopName, str] = {"velocity": "Velocity and its set-points contradict"}
+"""What measured the loop of an axis without a model, as the beginning of a sentence."""
 
 _COMPUTED: Mapping[LoopName, str] = {
     "velocity": " It was computed from the attitude loop of this flight, not measured.",

@@ -195,7 +195,7 @@ def test_a_peak_that_is_read_off_an_injection_is_half_as_wide_again(monkeypatch:
     loop = SimpleNamespace(omega_rad_s=np.array([1.0, 50.0]))
     found = SimpleNamespace(loop=loop, margins=margins, rejection=rejection)
     monkeypatch.setattr(check, "loop_by_injection", lambda axis, logs: found)
-    assert check._injected("roll", ())["sensitivity_peak"].std == pytest.approx(0.03)
+    assert check._measured("roll", ())["sensitivity_peak"].std == pytest.approx(0.03)
     # At the end of the band a peak is none.
     loop.omega_rad_s = np.array([1.0, 30.0])
-    assert check._injected("roll", ()) == {}
+    assert check._measured("roll", ()) == {}

@@ -66,6 +66,15 @@ _ATTITUDE = _rows(
     "Roll:phi DesRoll:phi_setpoint Pitch:theta DesPitch:theta_setpoint Yaw:psi DesYaw:psi_setpoint", "deg"
 )
 
+
+def _of_position_control(letter: str, way: str) -> tuple[Row, ...]:
+    """Columns of ``PSCN``, ``PSCE``, ``PSCD``: D is desired by stick or path, T is asked for by the loop before."""
+    return (
+        Row(f"DV{letter}", f"velocity_{way}_feedforward", "m/s"),
+        Row(f"TA{letter}", f"acceleration_{way}_setpoint", "m/s^2"),
+    )
+
+
 _NOTCHES = 12
 
 
@@ -87,6 +96,9 @@ MESSAGES: Mapping[str, tuple[Row, ...]] = MappingProxyType(
         "XKF1": _EKF,
         "NKF1": _EKF,
         "EKF1": _EKF,
+        "PSCN": _of_position_control("N", "north"),
+        "PSCE": _of_position_control("E", "east"),
+        "PSCD": _of_position_control("D", "down"),
         "CTUN": (
             Row("ThO", "thrust_command", "1"),
             Row("ThrOut", "thrust_command", "1", 1e-3),

@@ -151,6 +151,19 @@ RULES: tuple[Rule, ...] = (
         "north east down velocity_north velocity_east velocity_down",
         clocks=_SAMPLED,
     ),
+    # NaN where a mode controls no velocity.
+    _rule(
+        "trajectory_setpoint",
+        "velocity[0] velocity[1] velocity[2]",
+        "velocity_north_feedforward velocity_east_feedforward velocity_down_feedforward",
+        optional=True,
+    ),
+    _rule(
+        "vehicle_local_position_setpoint",
+        "acceleration[0] acceleration[1] acceleration[2]",
+        "acceleration_north_setpoint acceleration_east_setpoint acceleration_down_setpoint",
+        optional=True,
+    ),
     _rule("vehicle_attitude_setpoint", "roll_body pitch_body yaw_body", _ATTITUDE_SETPOINT),
     _rule("vehicle_attitude_setpoint", "q_d[0] q_d[1] q_d[2] q_d[3]", _ATTITUDE_SETPOINT),
     _rule("vehicle_rates_setpoint", "roll pitch yaw", "p_setpoint q_setpoint r_setpoint"),

@@ -128,6 +128,22 @@ def test_preference_is_system_id_then_rate_then_imu(tmp_path: Path) -> None:
     assert values(record, "roll_command") == [0.5]
 
 
+def test_position_control_says_what_was_asked_for_before_and_behind_its_velocity_loop(tmp_path: Path) -> None:
+    """Desired velocity is that of stick or path; the target adds what the position loop corrects."""
+    log = Log()
+    for letter, sign in (("N", 1.0), ("E", -1.0), ("D", 2.0)):
+        columns = {
+            f"{name}{letter}": sign * value for name, value in (("DV", 1.5), ("TV", 9.0), ("DA", 8.0), ("TA", 2.5))
+        }
+        log.add(f"PSC{letter}", "Qffff", TimeUS=1, **columns)
+
+    record = log.read(tmp_path)
+
+    assert values(record, "velocity_north_feedforward") == [1.5]
+    assert values(record, "velocity_east_feedforward") == [-1.5]
+    assert values(record, "acceleration_down_setpoint") == [5.0]
+
+
 def test_old_rate_messages_are_read_in_their_own_units(tmp_path: Path) -> None:
     log = Log()
     columns = {"RllDes": 0.0, "Rll": 9000.0, "RllOut": -2250.0, "AccOut": 250.0}

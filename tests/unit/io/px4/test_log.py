@@ -78,6 +78,12 @@ def value_of(record: FlightRecord, name: str) -> float:
         ("sensor_combined", "gyro_rad[0] gyro_rad[1] gyro_rad[2]", {"p": 1, "q": 2, "r": 3}),
         ("vehicle_attitude", "rollspeed pitchspeed yawspeed", {"p": 1, "q": 2, "r": 3}),
         ("vehicle_local_position", "x y z vx vy vz", {"north": 1, "down": 3, "velocity_north": 4, "velocity_down": 6}),
+        ("trajectory_setpoint", "velocity[0] velocity[1] velocity[2]", {"velocity_north_feedforward": 1}),
+        (
+            "vehicle_local_position_setpoint",
+            "acceleration[0] acceleration[1] acceleration[2]",
+            {"acceleration_north_setpoint": 1, "acceleration_down_setpoint": 3},
+        ),
         ("vehicle_attitude_setpoint", "roll_body pitch_body yaw_body", {"phi_setpoint": 1, "psi_setpoint": 3}),
         ("vehicle_rates_setpoint", "roll pitch yaw", {"p_setpoint": 1, "q_setpoint": 2, "r_setpoint": 3}),
         ("manual_control_setpoint", "roll pitch yaw throttle", {"roll_stick": 1, "pitch_stick": 2, "thrust_stick": 4}),

@@ -1,0 +1,140 @@
+"""The velocity loop by logged set-points: a known vehicle in gusts, its loop back within the stated intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorid.data.quantity import Quantity
+from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.models.autopilots.outer import outer_controller
+from rotorid.proposing.check import _measured
+from rotorid.proposing.outer import LoggedOuter
+from rotorid.proposing.outer_flown import loop_by_setpoints
+from rotorid.tuning.loops import Gains, LoopFigures, frequency_grid, loop_figures
+from rotorid.typing import FloatArray
+
+PX4 = {
+    "MPC_XY_VEL_P_ACC": 1.8,
+    "MPC_XY_VEL_I_ACC": 0.4,
+    "MPC_XY_VEL_D_ACC": 0.2,
+    "MPC_XY_P": 0.95,
+    "MPC_VELD_LP": 5.0,
+}
+STEP_S, SECONDS = 0.01, 120.0
+DRAG, FAST_RAD_S, DAMPING = 0.3, 9.0, 0.8
+"""Drag over mass, and the attitude loop, of second order."""
+
+
+def way(rng: np.random.Generator, gusts_m_s2: float, stick_m_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Velocity that the stick asks for, acceleration that the loop asks for, velocity; PX4's law, step by step."""
+    count = round(SECONDS / STEP_S)
+    steps = np.repeat(stick_m_s * rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0], 41), round(3.0 / STEP_S))[:count]
+    smooth, slope = 1.0 - np.exp(-STEP_S / 0.4), STEP_S / (STEP_S + 1.0 / (2.0 * np.pi * PX4["MPC_VELD_LP"]))
+    columns = np.zeros((3, count))
+    asked = place_asked = place = speed = before = sloped = integral = tilt = turn = gust = 0.0
+    for k in range(count):
+        asked += smooth * (steps[k] - asked)
+        place_asked += asked * STEP_S
+        error = asked + PX4["MPC_XY_P"] * (place_asked - place) - speed
+        sloped += slope * ((speed - before) / STEP_S - sloped)
+        before = speed
+        made = PX4["MPC_XY_VEL_P_ACC"] * error + integral - PX4["MPC_XY_VEL_D_ACC"] * sloped
+        integral += PX4["MPC_XY_VEL_I_ACC"] * error * STEP_S
+        columns[:, k] = asked, made, speed
+        gust += -gust * STEP_S + gusts_m_s2 * np.sqrt(2.0 * STEP_S) * rng.standard_normal()
+        turn += STEP_S * (FAST_RAD_S**2 * (made - tilt) - 2.0 * DAMPING * FAST_RAD_S * turn)
+        tilt += STEP_S * turn
+        speed += STEP_S * (tilt - DRAG * speed + gust)
+        place += STEP_S * speed
+    return columns[0], columns[1], columns[2]
+
+
+def flight(gusts_m_s2: float = 0.2, seed: int = 0, stick_m_s: float = 1.0) -> FlightRecord:
+    """What PX4 logs of it: the path at 5 Hz, set-points and velocity at 10 Hz, each with stamps of its own."""
+    rng = np.random.default_rng(seed)
+    time_s = STEP_S * np.arange(round(SECONDS / STEP_S))
+    north, east = way(rng, gusts_m_s2, stick_m_s), way(rng, gusts_m_s2, stick_m_s)
+    topics = []
+    for row, (name, step, first) in enumerate(
+        (("velocity_{}_feedforward", 20, 3), ("acceleration_{}_setpoint", 10, 5), ("velocity_{}", 10, 0))
+    ):
+        names = [name.format(one) for one in ("north", "east")]
+        channels = tuple(Channel(name=one, unit=STANDARD_UNITS[one]) for one in names)
+        picked = slice(first, None, step)
+        values = np.stack([north[row], east[row]])[:, picked]
+        topics.append(Topic(name=name, time_s=time_s[picked], channels=channels, values=values))
+    return FlightRecord(
+        source=Source(name="flight.ulg", format="PX4 ULog", sha256=str(seed), firmware="PX4 1.16.0"),
+        topics=tuple(topics),
+        parameters=PX4,
+        status=Status(in_air=((0.0, SECONDS),), flagged_in="twin", modes=(("position", 0.0, SECONDS),)),
+    )
+
+
+def controller(record: FlightRecord) -> LoggedOuter:
+    found = outer_controller(PX4, "velocity", loop_rate_hz=1.0 / STEP_S)
+    assert found is not None
+    return LoggedOuter(axis="velocity", controller=found, record=record, loop_rate_hz=1.0 / STEP_S)
+
+
+def truth(own: LoggedOuter) -> LoopFigures:
+    omega = frequency_grid(own.controller.controller, "velocity")
+    s = 1j * omega
+    attitude = FAST_RAD_S**2 / (s**2 + 2.0 * DAMPING * FAST_RAD_S * s + FAST_RAD_S**2)
+    whole = own.parts(omega).whole(Gains.of(own.controller.controller))
+    return loop_figures(omega, (attitude / (s + DRAG) * whole)[None], from_rad_s=0.05)
+
+
+def near(found: Quantity, true: float) -> float:
+    """Deviation over the stated standard deviation."""
+    return abs(found.value - true) / found.std
+
+
+@pytest.mark.parametrize("gusts_m_s2", [0.0, 0.3])
+def test_the_loop_is_the_one_that_flew_whatever_gusts_do(gusts_m_s2: float) -> None:
+    """Also its interval is right: deviations of three flights, north and east together, are of its size."""
+    misses = []
+    for seed in range(3):
+        record = flight(gusts_m_s2, seed)
+        own = controller(record)
+        found = loop_by_setpoints(own, Gains.of(own.controller.controller), [record])
+        assert found is not None
+        true, seen = truth(own), found.quantities
+        assert seen["crossover_rad_s"].std < 0.05 * seen["crossover_rad_s"].value
+        misses.append(near(seen["crossover_rad_s"], float(true.crossover_rad_s[0])))
+        misses.append(near(seen["phase_margin_deg"], float(np.degrees(true.phase_margin_rad[0]))))
+        if "sensitivity_peak" in seen:
+            misses.append(near(seen["sensitivity_peak"], float(true.sensitivity_peak[0])))
+    assert np.sqrt(np.mean(np.square(misses))) < 1.4
+    assert max(misses) < 3.0
+
+
+def test_a_flight_without_a_moved_stick_or_its_set_points_shows_nothing() -> None:
+    record = flight(stick_m_s=0.05)
+    own = controller(record)
+    gains = Gains.of(own.controller.controller)
+    assert loop_by_setpoints(own, gains, [record]) is None
+    bare = replace(flight(), topics=flight().topics[1:])
+    assert loop_by_setpoints(own, gains, [bare]) is None
+    assert _measured("velocity", [bare]) == {}
+
+
+@pytest.mark.parametrize(
+    "modes",
+    [(), (("altitude", 0.0, SECONDS),), tuple(("position", 20.0 * k, 20.0 * (k + 1)) for k in range(6))],
+    ids=["unknown", "no velocity loop", "changes too often"],
+)
+def test_only_modes_whose_velocity_loop_flies_count(modes: tuple[tuple[str, float, float], ...]) -> None:
+    """A change of the mode starts the path at the velocity that the vehicle has: that is feedback."""
+    record = flight()
+    assert _measured("velocity", [replace(record, status=replace(record.status, modes=modes))]) == {}
+
+
+def test_the_check_of_a_second_flight_takes_what_was_measured() -> None:
+    record = flight()
+    seen = _measured("velocity", [record])
+    assert near(seen["crossover_rad_s"], float(truth(controller(record)).crossover_rad_s[0])) < 3.0
+    assert _measured("climb", [record]) == {}
