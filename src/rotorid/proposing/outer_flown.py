@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.data.findings import Finding, warn
+from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError
@@ -26,6 +28,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import band_of_instrument
 from rotorid.flights.segments import cut
 from rotorid.io.flags import shared
+from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.outer import LoggedOuter
 from rotorid.signal.airborne import airborne
 from rotorid.spectral.derived import with_model_error
@@ -33,13 +36,16 @@ from rotorid.spectral.estimate import diagnosed_response
 from rotorid.spectral.loops import sensitivity, series
 from rotorid.spectral.margins import DisturbanceRejection, LoopMargins, disturbance_rejection, loop_margins
 from rotorid.spectral.windows import grid_rad_s, plan_of_records
-from rotorid.tuning.loops import Gains
+from rotorid.tuning.loops import Gains, loop_figures, quantities
 
 _ASKED, _MADE, _FLOWN = "velocity_{}_feedforward", "acceleration_{}_setpoint", "velocity_{}"
 _WAYS = ("north", "east")
 _LOWEST_RAD_S, _OF_NYQUIST = 0.25, 0.6
 _LEAST_MOTION_M_S = 0.5
 _SHORTEST_S = 25.0
+
+_MOST_DEVIATIONS = 3.0
+"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are compared."""
 
 _MODES = ("position", "position slow", "loiter", "auto", "mission", "return", "circle", "follow")
 """Modes whose velocity loop flies all the time."""
@@ -112,6 +118,43 @@ def loop_by_setpoints(own: LoggedOuter, gains: Gains, records: Sequence[FlightRe
         return None
     loop = with_model_error(series(plant, own.parts(plant.omega_rad_s).whole(gains)), _MODEL_ERROR)
     return LoopSeen(loop_margins(loop), disturbance_rejection(sensitivity(loop)), top)
+
+
+def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Finding]:
+    """Findings on a computed velocity loop, after a look at the loop that its own flight shows.
+
+    Where both agree, the gains made the set-points, so that nothing is unchecked; where they exclude each other, a
+    warning says so.
+
+    Parameters
+    ----------
+    known
+        The loop with its flown gains and plant, see :func:`rotorid.proposing.outer.known_outer`.
+    findings
+        Of it.
+    """
+    own = known.flown
+    seen = loop_by_setpoints(own, known.gains, [own.record]) if isinstance(own, LoggedOuter) else None
+    measured = {} if seen is None else seen.quantities
+    plant = known.flown_plant or known.plant
+    loops = plant.drawn(known.omega_rad_s) * known.flown_parts.whole(known.gains)
+    computed = quantities(loop_figures(known.omega_rad_s, loops, from_rad_s=plant.known_from_rad_s))
+    both = [(QUANTITIES[name], computed[name], one) for name, one in measured.items() if name in computed]
+    if not both:
+        return list(findings)
+    rest = [finding for finding in findings if finding.kind != "controller_unchecked"]
+    apart = [
+        f"{figure.words} {figure.shown(flown)}, computed {figure.shown(from_parts)}"
+        for figure, from_parts, flown in both
+        if abs(flown.value - from_parts.value) > _MOST_DEVIATIONS * math.hypot(flown.std, from_parts.std)
+    ]
+    if not apart:
+        return rest
+    message = (
+        f"The set-points of {own.record.source.name} show another {own.axis} loop than its gains, attitude loop and drag "
+        f"give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
+    )
+    return [warn("controller_unexplained", own.axis, message), *rest]
 
 
 def _flights(record: FlightRecord) -> Iterator[Flight]:

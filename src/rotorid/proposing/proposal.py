@@ -38,6 +38,7 @@ from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
 from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains, require_same_autopilot
 from rotorid.proposing.outer import InnerLoop, OuterMaterial, known_outer, with_values
+from rotorid.proposing.outer_flown import checked_by_flight
 from rotorid.proposing.plants import flight_by_stick
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
@@ -343,6 +344,7 @@ def tune(
         _PROGRESS.info(f"tuning {loop}")
         try:
             every[loop], remarks = cascade.outer(loop, axes)
+            remarks = checked_by_flight(every[loop], remarks) if loop == "velocity" else remarks
             axes[loop] = _axis(loop, every[loop], chosen, None)
         except UsageError:
             raise

@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rotorid.data.findings import remark
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.models.autopilots.outer import outer_controller
+from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.check import _measured
 from rotorid.proposing.outer import LoggedOuter
-from rotorid.proposing.outer_flown import loop_by_setpoints
+from rotorid.proposing.outer_flown import checked_by_flight, loop_by_setpoints
 from rotorid.tuning.loops import Gains, LoopFigures, frequency_grid, loop_figures
-from rotorid.typing import FloatArray
+from rotorid.tuning.plant import uncertain_plant
+from rotorid.typing import ComplexArray, FloatArray
 
 PX4 = {
     "MPC_XY_VEL_P_ACC": 1.8,
@@ -138,3 +141,37 @@ def test_the_check_of_a_second_flight_takes_what_was_measured() -> None:
     seen = _measured("velocity", [record])
     assert near(seen["crossover_rad_s"], float(truth(controller(record)).crossover_rad_s[0])) < 3.0
     assert _measured("climb", [record]) == {}
+
+
+def computed(record: FlightRecord, gain: float = 1.0) -> KnownAxis:
+    """The loop by a plant that is the vehicle's own, or has another gain."""
+    own = controller(record)
+    omega = frequency_grid(own.controller.controller, "velocity")
+
+    def response(w: FloatArray) -> ComplexArray:
+        s = 1j * np.atleast_1d(w)
+        attitude = FAST_RAD_S**2 / (s**2 + 2.0 * DAMPING * FAST_RAD_S * s + FAST_RAD_S**2)
+        return np.asarray(gain * attitude / (s + DRAG))
+
+    plant = uncertain_plant(response, None, band_rad_s=(0.03, 30.0), draws=40)
+    parts = own.parts(omega)
+    return KnownAxis(
+        flown=own,
+        plant=plant,
+        omega_rad_s=omega,
+        flown_parts=parts,
+        then=None,
+        controller=own.controller,
+        parts=parts,
+    )
+
+
+@pytest.mark.parametrize(("gain", "kinds"), [(1.0, []), (0.6, ["controller_unexplained"])])
+def test_a_computed_loop_is_compared_with_the_one_of_its_flight(gain: float, kinds: list[str]) -> None:
+    unchecked = remark("controller_unchecked", "velocity", "Whether the gains made its set-points was not checked.")
+    found = checked_by_flight(computed(flight(), gain), [unchecked])
+    assert [one.kind for one in found] == kinds
+    if kinds:
+        assert "crossover" in found[0].message
+    still = replace(flight(), topics=flight().topics[1:])
+    assert checked_by_flight(computed(still, gain), [unchecked]) == [unchecked]
