@@ -6,10 +6,11 @@ import gc
 import json
 import lzma
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
+from _pytest.doctest import DoctestModule
 
 # No test looks as somebody prefers it.
 os.environ["ROTORID_SETTINGS"] = ""
@@ -23,6 +24,13 @@ HERE = Path(__file__).resolve().parent
 
 LONG_S = 10.0
 """Files whose tests take longer begin first, so that no worker waits at the end for a long one."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+    """Search files for examples only where some are: of a thousand test files few have any."""
+    found = yield
+    return found if b">>>" in file_path.read_bytes() else [one for one in found if not isinstance(one, DoctestModule)]
 
 
 @pytest.hookimpl(trylast=True)
