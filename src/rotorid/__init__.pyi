@@ -1,4 +1,4 @@
-from rotorid.benchmarking.bench import bench as bench
+from rotorid.benchmarking.benchmark import bench as bench
 from rotorid.data.findings import Finding as Finding
 from rotorid.data.findings import Findings as Findings
 from rotorid.data.flight_plan import FlightPlan as FlightPlan

@@ -1,5 +1,5 @@
-from rotorid.benchmarking.bench import Benchmarked as Benchmarked
-from rotorid.benchmarking.bench import bench as bench
+from rotorid.benchmarking.benchmark import Benchmarked as Benchmarked
+from rotorid.benchmarking.benchmark import bench as bench
 from rotorid.benchmarking.catalog import BENCHMARKS as BENCHMARKS
 from rotorid.benchmarking.catalog import Benchmark as Benchmark
 from rotorid.benchmarking.foreign import LoadsTask as LoadsTask

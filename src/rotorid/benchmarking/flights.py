@@ -141,7 +141,7 @@ def files_of(benchmark: Benchmark, folder: Path) -> dict[str, Path]:
     Raises
     ------
     UsageError
-        There is no such folder, it holds no flight of the benchmark, or one of them twice.
+        There is no such folder, it contains no flight of the benchmark, or one of them twice.
     """
     get = f"download {benchmark.address} (license: {benchmark.license})"
     if not folder.is_dir():
@@ -163,7 +163,7 @@ def files_of(benchmark: Benchmark, folder: Path) -> dict[str, Path]:
             found[known[1]] = path
     if not found:
         raise UsageError(
-            f"{str(folder)!r} holds no flight of {benchmark.name}",
+            f"{str(folder)!r} contains no flight of {benchmark.name}",
             needed=f"files such as {next(iter(benchmark.hashes))}",
             remedy=get,
         )
@@ -201,7 +201,7 @@ def read_flights(benchmark: Benchmark, folder: Path, *, sandbox: bool = True) ->
         found = _nanobench_together(usable, sandbox)
     if len(found) < 2:
         raise InsufficientDataError(
-            f"{str(folder)!r} holds {len(found)} usable flight{'s' if len(found) != 1 else ''} of {benchmark.name}",
+            f"{str(folder)!r} contains {len(found)} usable flight{'s' if len(found) != 1 else ''} of {benchmark.name}",
             needed="two or more: each is predicted by a fit of the others",
             remedy=f"download more of {benchmark.address}",
             findings=findings,

@@ -169,7 +169,7 @@ def called(foreign: Foreign, task: Task, training: Sequence[Task], shape: tuple[
     Raises
     ------
     UsageError
-        It raised, or its answer has another shape or holds what is no number.
+        It raised, or its answer has another shape or has a cell that is no number.
     """
     assert foreign.function is not None
     try:
@@ -245,7 +245,7 @@ def _numbers(path: Path, places: Sequence[int], columns: Sequence[str]) -> Float
         values = np.loadtxt(path, delimiter=",", skiprows=1, usecols=list(places), ndmin=2, encoding="utf-8").T
     except (ValueError, IndexError, UnicodeDecodeError) as error:
         raise UsageError(
-            f"{path.name} holds what is no number ({_words(error)})", needed="a number in each cell"
+            f"{path.name} has a cell that is no number ({_words(error)})", needed="a number in each cell"
         ) from error
     wrong = np.argwhere(~np.isfinite(values))
     if wrong.size:

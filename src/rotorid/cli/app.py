@@ -33,7 +33,7 @@ COMMANDS = {
     "identify": "Identify a model from flight logs.",
     "verify": "Check a model on data it was not fitted to.",
     "compare": "Compare models and methods in one table.",
-    "bench": "Score models on a public benchmark, beside published errors.",
+    "bench": "Score models on a public benchmark, next to published errors.",
     "delay": "Estimate delays between channels.",
     "design": "Plan an identification flight: test inputs, expected accuracy, files.",
     "simulate": "Simulate a flight and write its log.",

@@ -14,7 +14,7 @@ from rotorid.cli.options import ForPaper, Only, Output
 from rotorid.settings.option import Option
 
 if TYPE_CHECKING:
-    from rotorid.benchmarking.bench import Benchmarked
+    from rotorid.benchmarking.benchmark import Benchmarked
     from rotorid.documents.benchmark import BenchDocument
 
 FILE = "bench.json"
@@ -30,8 +30,8 @@ def bench_command(
     output: Output,
     paper: Annotated[ForPaper, Only("tables", "pdf")],
 ) -> None:
-    """Score models on a public benchmark, beside published errors."""
-    from rotorid.benchmarking.bench import bench
+    """Score models on a public benchmark, next to published errors."""
+    from rotorid.benchmarking.benchmark import bench
     from rotorid.data.findings import refusal
     from rotorid.documents.benchmark import bench_document
     from rotorid.report.publication import of_benchmark

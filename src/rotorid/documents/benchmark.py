@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.benchmarking.bench import Benchmarked
+from rotorid.benchmarking.benchmark import Benchmarked
 from rotorid.benchmarking.catalog import METRICS
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.results.provenance import Refused

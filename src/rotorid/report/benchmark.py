@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 from typing import NamedTuple
 
-from rotorid.benchmarking.bench import Benchmarked
+from rotorid.benchmarking.benchmark import Benchmarked
 from rotorid.benchmarking.catalog import BENCHMARKS, METRICS, SHOWN, Metric
 from rotorid.data.display import counted
 from rotorid.data.quantity import MISSING, significant, with_error

@@ -22,7 +22,7 @@ from rotorid.report.tables import (
 )
 
 if TYPE_CHECKING:
-    from rotorid.benchmarking.bench import Benchmarked
+    from rotorid.benchmarking.benchmark import Benchmarked
     from rotorid.flying.flown_models import FlownModel
     from rotorid.identifying.comparison import Comparison
     from rotorid.identifying.verification import Verified

@@ -22,7 +22,7 @@ def test_mappings_are_those_of_the_docs(path: Path) -> None:
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_a_missing_folder_says_where_to_get_the_data(name: str, tmp_path: Path) -> None:
-    for folder, words in ((tmp_path / "none", "there is no folder"), (tmp_path, "holds no flight of")):
+    for folder, words in ((tmp_path / "none", "there is no folder"), (tmp_path, "contains no flight of")):
         with pytest.raises(UsageError, match=words) as error:
             files_of(BENCHMARKS[name], folder)
         assert BENCHMARKS[name].address in str(error.value)
@@ -68,7 +68,7 @@ def test_a_file_that_is_not_the_published_one_is_named(tmp_path: Path) -> None:
 
 
 def test_one_flight_is_too_few(tmp_path: Path) -> None:
-    with pytest.raises(InsufficientDataError, match="holds 1 usable flight of neurobem; this needs two or more"):
+    with pytest.raises(InsufficientDataError, match="contains 1 usable flight of neurobem; this needs two or more"):
         read_flights(BENCHMARKS["neurobem"], neurobem_folder(tmp_path, flights=1), sandbox=False)
 
 

@@ -39,7 +39,7 @@ def test_a_column_flight_says_whose_rows_they_are(tmp_path: Path) -> None:
         ("a\n1\n2\n", "mine.csv has 2 rows; expected 3: 2 of one and 1 of two"),
         ("flight,a\none,1\ntwo,2\n", "mine.csv has 1 rows of one; expected 2"),
         ("a\n1\nnan\n3\n", "mine.csv has no number in column a of row 3; expected a finite number in each cell"),
-        ("a\n1\nx\n3\n", "mine.csv holds what is no number"),
+        ("a\n1\nx\n3\n", "mine.csv has a cell that is no number"),
         ("", "mine.csv has no column a"),
     ],
 )

@@ -76,7 +76,10 @@ def test_json_is_the_file_and_nothing_else(data: Path, tmp_path: Path) -> None:
         (("neuro-bem",), "unknown benchmark 'neuro-bem'; did you mean neurobem?"),
         (("neurobem",), "neurobem needs its data, which are not shipped (license: none stated); download github.com"),
         (("idsia", "--data", "nowhere"), "there is no folder 'nowhere'; expected the data of idsia"),
-        (("nanobench", "--data", "."), "'.' holds no flight of nanobench; expected files such as B2_circle_fast_rep2"),
+        (
+            ("nanobench", "--data", "."),
+            "'.' contains no flight of nanobench; expected files such as B2_circle_fast_rep2",
+        ),
         (("neurobem", "--data", ".", "--predictions", "x.csv"), "'x.csv' cannot be read"),
         (("neurobem", "--data", ".", "--predictions", "no_module:f"), "the module 'no_module' cannot be imported"),
     ],
