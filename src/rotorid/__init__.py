@@ -21,9 +21,14 @@ attach(
         "FlightRecord": "rotorid.plot.accessors:RecordPictures",
         "FlightRecord.from_arrays": "rotorid.io.arrays:record_from_arrays",
         "FlightRecord.from_pandas": "rotorid.io.arrays:record_from_pandas",
+        "Comparison": "rotorid.documents.compare:shown_comparison",
+        "FlightTracking": "rotorid.documents.track:track_document",
         "FrequencyResponse": "rotorid.plot.accessors:ResponsePictures",
         "IdentifiedModel": "rotorid.plot.accessors:ModelPictures",
+        "Review": "rotorid.documents.review:review_document",
+        "Stitched": "rotorid.documents.stitched:stitched_document",
         "TimeHistory": "rotorid.plot.accessors:HistoryPictures",
         "Track": "rotorid.plot.accessors:TrackPictures",
+        "Verified": "rotorid.documents.verify:verify_document",
     }
 )

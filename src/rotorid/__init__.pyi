@@ -11,7 +11,8 @@ from rotorid.data.record import TimeHistory as TimeHistory
 from rotorid.data.record import Track as Track
 from rotorid.data.response import FrequencyResponse as FrequencyResponse
 from rotorid.documents.result import load as load
-from rotorid.documents.result import save as save
+from rotorid.documents.saved import load_document as load_document
+from rotorid.documents.saved import save as save
 from rotorid.errors import InsufficientDataError as InsufficientDataError
 from rotorid.errors import LogError as LogError
 from rotorid.errors import ModelError as ModelError

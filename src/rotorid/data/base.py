@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
+from rotorid._faces import attached
 from rotorid.data.display import counted, dataclass_text
 from rotorid.errors import UsageError
 
@@ -58,6 +59,17 @@ class Immutable:
         """Normalize fields inside ``__post_init__`` of a frozen dataclass."""
         for name, value in values.items():
             object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)
+
+
+class ShownByDocument:
+    """Mixin of results that show themselves as the document that a command writes of them does."""
+
+    def __repr__(self) -> str:
+        return repr(attached(self))
+
+    def _repr_html_(self) -> str:
+        html: str = attached(self)._repr_html_()
+        return html
 
 
 def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:

@@ -3,7 +3,8 @@ from rotorid.documents.compare import read_results as read_results
 from rotorid.documents.design import read_plan as read_plan
 from rotorid.documents.result import ResultDocument as ResultDocument
 from rotorid.documents.result import load as load
-from rotorid.documents.result import save as save
+from rotorid.documents.saved import load_document as load_document
+from rotorid.documents.saved import save as save
 from rotorid.documents.schemas import SCHEMAS as SCHEMAS
 
 # deprecated, removed in 0.3: use rotorid.documents.SCHEMAS

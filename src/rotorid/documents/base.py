@@ -6,13 +6,14 @@ attributes of the same names, so a value needs no copy of its own for JSON.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias, TypeVar
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticSerializationError
 from pydantic_core import to_json as in_json
 
-from rotorid.data.display import HIDDEN, cut, visible
+from rotorid.data.display import HIDDEN, cut, html_table, lines_of, visible
 from rotorid.io.documents import DocumentError
 
 
@@ -22,6 +23,41 @@ class Document(BaseModel):
     model_config = ConfigDict(
         frozen=True, extra="forbid", from_attributes=True, ser_json_inf_nan="null", populate_by_name=True
     )
+
+
+class Shown(NamedTuple):
+    """What a person sees first of a document: a heading, and a table below it."""
+
+    heading: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+
+class ShownDocument(Document):
+    """A document that shows itself in a few lines, and as a table in a notebook."""
+
+    def shown(self) -> Shown:
+        """What a person sees first."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        heading, _, rows = self.shown()
+        return lines_of(heading, rows)
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.shown())
+
+
+def finding_lines(findings: Sequence[FindingDocument], width: int) -> list[tuple[str, ...]]:
+    """Rows of warnings and errors, with the message in the last cell of a width."""
+    return [
+        (finding.severity, finding.kind, *[""] * (width - 3), finding.message)
+        for finding in findings
+        if finding.severity != "info"
+    ]
 
 
 def to_json(document: Document, *, indent: int | None = 2) -> str:

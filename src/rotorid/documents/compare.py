@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.data.display import counted
-from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.data.quantity import MISSING, with_error
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, Shown, ShownDocument, finding_lines
 from rotorid.documents.result import MODEL, model_of, read_result, read_text
 from rotorid.documents.results import result_files
 from rotorid.documents.review import QuantityDocument
@@ -132,7 +133,7 @@ class ComparedStepsDocument(Document):
     measured: list[MeasuredStepDocument] = Field(default_factory=list)
 
 
-class CompareDocument(Document):
+class CompareDocument(ShownDocument):
     """``compare.json``: several models or methods side by side.
 
     ``common_outputs`` are those over which means on logs are taken. ``horizon_s`` is ``null`` where the maneuvers were
@@ -152,6 +153,37 @@ class CompareDocument(Document):
     band_rad_s: tuple[float, float] | None = None
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+    def shown(self) -> Shown:
+        """Each model with the verdict on its fit and its mean on the logs, then the parameters that they share."""
+        rows = [
+            (row.label, row.model, row.verdict.word if row.verdict else MISSING, _mean_words(row.on_logs))
+            for row in self.models
+        ]
+        rows += [
+            (name, shared.unit, label, f"{with_error(value.value, value.std)} {value.verdict or ''}".rstrip())
+            for name, shared in self.parameters.items()
+            for label, value in shared.values.items()
+            if value.identified
+        ]
+        return Shown(
+            f"{counted(len(self.models), 'model')} compared on {counted(len(self.maneuvers), 'maneuver')}",
+            ("which", "model or unit", "verdict or model", "mean on logs, or value"),
+            [*rows, *finding_lines(self.findings, 4)],
+        )
+
+
+def _mean_words(found: OnLogsSummary | None) -> str:
+    """The mean fit of a model on the logs; flights that it was fitted to flatter it."""
+    if found is None:
+        return ""
+    seen = ", some fitted" if found.seen else ""
+    return f"{with_error(found.mean_percent, found.spread_percent)} % on {counted(found.maneuvers, 'maneuver')}{seen}"
+
+
+def shown_comparison(found: Comparison) -> CompareDocument:
+    """A comparison without step responses, which take a while, to be shown."""
+    return compare_document(found, steps=())
 
 
 def compare_document(found: Comparison, steps: Sequence[StepPair] | None = None) -> CompareDocument:

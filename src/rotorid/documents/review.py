@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, create_model, model_serializer
 
+from rotorid.data.display import capital, counted
 from rotorid.data.quantities import Part, figures_of
-from rotorid.documents.base import Document, FindingDocument
+from rotorid.documents.base import Document, FindingDocument, Shown, ShownDocument
 from rotorid.documents.filters import FilterDocument, filter_documents
 from rotorid.documents.result import ResultDocument, refused_document, result_document
 from rotorid.documents.verdict import VerdictDocument, verdict_document
@@ -257,7 +258,7 @@ class CardDocument(Document):
     sentence: str
 
 
-class ReviewDocument(Document):
+class ReviewDocument(ShownDocument):
     """``review.json``: the review of one ordinary flight."""
 
     schema_name: Annotated[Literal["rotorid.review/1"], Field(alias="schema")] = "rotorid.review/1"
@@ -288,6 +289,23 @@ class ReviewDocument(Document):
     findings: list[FindingDocument] = Field(default_factory=list)
     baseline: BaselineDocument | None = None
     filters: dict[str, FilterDocument] = Field(default_factory=dict)
+
+    def shown(self) -> Shown:
+        """The cards, warnings and next commands."""
+        craft = ", ".join(
+            part for part in (self.vehicle.frame, self.vehicle.firmware or self.vehicle.autopilot) if part
+        )
+        airborne_s = sum(flight.stop_s - flight.start_s for flight in self.flights)
+        rows = [
+            (card.word, f"{card.title} {card.sentence}{f' {capital(card.number)}.' if card.number else ''}")
+            for card in self.cards
+        ]
+        rows += [(finding.severity, finding.message) for finding in self.findings if finding.severity != "info"]
+        return Shown(
+            f"{self.name}: {craft or 'unknown vehicle'}, {counted(len(self.flights), 'flight')}, {airborne_s:.0f} s",
+            ("state", "answer"),
+            [*rows, *(("next", command) for command in self.next_commands)],
+        )
 
     @model_serializer(mode="wrap")
     def _refusals_without_parameters(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:

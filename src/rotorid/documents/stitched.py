@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.documents.base import Document, FindingDocument, Numbers, ProvenanceDocument
+from rotorid.data.display import counted, listed
+from rotorid.data.quantity import with_error
+from rotorid.documents.base import (
+    Document,
+    FindingDocument,
+    Numbers,
+    ProvenanceDocument,
+    Shown,
+    ShownDocument,
+    finding_lines,
+)
 from rotorid.results.summary import finite
 
 if TYPE_CHECKING:
@@ -55,7 +65,7 @@ class ThroughSpeedsDocument(Document):
     scores: dict[str, ThroughScoreDocument]
 
 
-class StitchedDocument(Document):
+class StitchedDocument(ShownDocument):
     """``stitched.json``: models of several speeds as one over speed."""
 
     schema_name: Annotated[Literal["rotorid.stitched/1"], Field(alias="schema")] = "rotorid.stitched/1"
@@ -64,6 +74,36 @@ class StitchedDocument(Document):
     flights: list[ThroughSpeedsDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+    def shown(self) -> Shown:
+        """Each parameter at its speeds, and flights through the speeds."""
+        rows = [
+            (
+                name,
+                curve.unit,
+                "; ".join(
+                    f"{with_error(value, std)} at {speed:.3g} m/s"
+                    for speed, value, std in zip(curve.speed_m_s, curve.value, curve.std, strict=True)
+                ),
+            )
+            for curves in self.parameters.values()
+            for name, curve in curves.items()
+        ]
+        rows += [
+            (
+                flown.record,
+                "",
+                ", ".join(
+                    f"TIC of {name} {score.tic:.2f}" for name, score in flown.scores.items() if score.tic is not None
+                ),
+            )
+            for flown in self.flights
+        ]
+        return Shown(
+            f"{listed(list(self.parameters))} over speed, from {counted(len(self.points), 'result')}",
+            ("what", "unit", "values"),
+            [*rows, *finding_lines(self.findings, 3)],
+        )
 
 
 def stitched_document(found: Stitched) -> StitchedDocument:

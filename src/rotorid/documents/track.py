@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.data.quantity import with_error
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, Shown, ShownDocument, finding_lines
 from rotorid.documents.review import QuantityDocument
 from rotorid.identifying.tracking import FlightTracking
 from rotorid.results.provenance import Refused
@@ -45,7 +46,7 @@ class CannotTellDocument(Document):
     why: Literal["stick", "air"]
 
 
-class TrackDocument(Document):
+class TrackDocument(ShownDocument):
     """``track.json``: a model followed through a flight.
 
     ``gain`` is that of the end of the flight over that of the reference. ``told_s`` are the seconds with a verdict. The
@@ -73,6 +74,28 @@ class TrackDocument(Document):
     cannot_tell: list[CannotTellDocument] = Field(default_factory=list)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+    def shown(self) -> Shown:
+        """The verdict, the gain at the end, what changed when, and when there is no verdict."""
+        rows = [("verdict", self.verdict, f"{self.told_s:.0f} s could be judged")]
+        if self.gain is not None:
+            rows.append(("gain at the end", with_error(self.gain.value, self.gain.std), "of that of the reference"))
+        rows += [("step", with_error(step.ratio, step.std), f"from {step.since_s:.1f} s") for step in self.steps]
+        rows += [
+            (f"mean {trim.channel}", f"{trim.before:.3g} to {trim.after:.3g}", f"{trim.at_s:.1f} s")
+            for trim in self.trims
+        ]
+        rows += [
+            ("not enough data", f"{gap.start_s:.1f} to {gap.stop_s:.1f} s", _WHY[gap.why]) for gap in self.cannot_tell
+        ]
+        return Shown(
+            f"{self.log}: gain of {self.model} in flight",
+            ("what", "value", "note"),
+            [*rows, *finding_lines(self.findings, 3)],
+        )
+
+
+_WHY = {"stick": "the stick moved too little", "air": "rougher air than in the reference"}
 
 
 def track_document(found: FlightTracking | Refused) -> TrackDocument:

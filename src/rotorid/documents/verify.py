@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rotorid.checking.checks import flight_scores, sweep_check
-from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
+from rotorid.data.display import counted
+from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, Shown, ShownDocument, finding_lines
 from rotorid.identifying.verification import Verified
 from rotorid.results.model import Refused
 from rotorid.results.summary import FlightScores, ManeuverCheck, Range, SweepCheck
@@ -23,7 +24,7 @@ class GuidelineDocument(Document):
     printed: tuple[float, float]
 
 
-class VerifyDocument(Document):
+class VerifyDocument(ShownDocument):
     """``verification.json``: how well a model predicts data that it was not fitted to."""
 
     schema_name: Annotated[Literal["rotorid.verify/1"], Field(alias="schema")] = "rotorid.verify/1"
@@ -39,6 +40,27 @@ class VerifyDocument(Document):
     covered: dict[str, Range] = Field(default_factory=dict)
     findings: list[FindingDocument] = Field(default_factory=list)
     provenance: ProvenanceDocument
+
+    def shown(self) -> Shown:
+        """Each maneuver with its verdict and scores, and costs of responses."""
+        rows = [
+            (
+                check.verdict,
+                f"{check.record}: {check.axis} {check.kind}, {check.start_s:.1f} to {check.stop_s:.1f} s",
+                ", ".join(f"TIC of {name} {scores.tic:.2f}" for name, scores in check.scores.items()),
+            )
+            for check in self.maneuvers
+        ]
+        rows += [
+            ("cost", pair, f"{cost.value:.3g} ({', '.join(sweep.records)})")
+            for sweep in self.frequency
+            for pair, cost in sweep.pairs.items()
+        ]
+        return Shown(
+            f"{self.model} on {counted(len(self.maneuvers), 'unseen maneuver')}",
+            ("verdict", "flight", "scores"),
+            [*rows, *finding_lines(self.findings, 3)],
+        )
 
 
 def verify_document(verified: Verified) -> VerifyDocument:

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable, ShownByDocument, read_only
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
@@ -197,7 +197,7 @@ class ThroughSpeeds(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stitched(Immutable):
+class Stitched(ShownByDocument, Immutable):
     """Models at several speeds as one.
 
     Parameters

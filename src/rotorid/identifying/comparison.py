@@ -20,7 +20,7 @@ from rotorid.checking.candidate import candidate_model
 from rotorid.checking.predictions import Trial, fitted_logs, not_moved, was_fitted
 from rotorid.checking.predictors import predictor_of
 from rotorid.checking.scores import common_band, common_horizon_s
-from rotorid.data.base import Immutable
+from rotorid.data.base import Immutable, ShownByDocument
 from rotorid.data.display import counted
 from rotorid.data.findings import Finding, warn, worst_first
 from rotorid.data.record import FlightRecord, Maneuver
@@ -262,7 +262,7 @@ class OnLogsSummary:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Comparison(Immutable):
+class Comparison(ShownByDocument, Immutable):
     """A finished comparison.
 
     Parameters

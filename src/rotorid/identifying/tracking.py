@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
-from rotorid.data.base import Immutable
+from rotorid.data.base import Immutable, ShownByDocument
 from rotorid.data.findings import Finding, remark, warn, worst_first
 from rotorid.data.record import AXES, FlightRecord, Maneuver, TimeHistory
 from rotorid.errors import InsufficientDataError, UsageError
@@ -84,7 +84,7 @@ class TrimStep(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlightTracking(Immutable):
+class FlightTracking(ShownByDocument, Immutable):
     """A model through a flight.
 
     Parameters

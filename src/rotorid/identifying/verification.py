@@ -11,7 +11,7 @@ from rotorid.checking.candidate import Candidate, candidate_model, read_candidat
 from rotorid.checking.checks import maneuver_check
 from rotorid.checking.predictions import fitted_before, was_fitted
 from rotorid.checking.predictors import predictor_of
-from rotorid.data.base import Immutable
+from rotorid.data.base import Immutable, ShownByDocument
 from rotorid.data.findings import Finding, refusal, worst_first
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
@@ -35,7 +35,7 @@ _SPEEDS_AND_ANGLES = ("u", "v", "w", "theta", "phi")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verified(Immutable):
+class Verified(ShownByDocument, Immutable):
     """A finished verification.
 
     Parameters

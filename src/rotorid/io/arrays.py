@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,7 +48,7 @@ def record_from_arrays(
         raise LogError(f"{name}: {CLOCK} has {clock.ndim} dimensions", needed="one stamp for each sample")
     found: Scattered = {}, {}
     for key, given in channels.items():
-        own, samples = given if _has_stamps(given) else (clock, given)
+        own, samples = cast("tuple[ArrayLike, ArrayLike]", given) if _has_stamps(given) else (clock, given)
         _add(found, str(key), _numbers(own, name, f"the stamps of {key}"), _numbers(samples, name, str(key)), name)
     return _record(found, mapping, name)
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable, ShownByDocument, read_only
 from rotorid.data.findings import Finding
 from rotorid.data.quantities import require_figures
 from rotorid.data.quantity import Quantity
@@ -454,7 +454,7 @@ class BaselineReview(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Review(Immutable):
+class Review(ShownByDocument, Immutable):
     """The results of one ordinary flight.
 
     ``models`` maps names of models to an ``IdentifiedModel`` or to an error that says why there is none; none was

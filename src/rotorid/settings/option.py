@@ -269,7 +269,7 @@ def _is_text(value: Any) -> bool:
 
 def _numeric(item: "Field[Any]") -> bool:
     """Whether a field takes numbers alone, or yes and no."""
-    kind = item.type.__origin__ if hasattr(item.type, "__metadata__") else item.type
+    kind = getattr(item.type, "__origin__", item.type) if hasattr(item.type, "__metadata__") else item.type
     return {*(get_args(kind) or (kind,))} <= {float, int, bool, type(None)}
 
 

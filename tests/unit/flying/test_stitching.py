@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.flying.test_vehicle_from_results import result
 
+import rotorid
 from rotorid.documents.base import to_json
 from rotorid.documents.stitched import stitched_document
 from rotorid.errors import InsufficientDataError, UsageError
@@ -185,3 +186,11 @@ def test_tables_have_the_lags_and_delays_of_the_results(stitched: Stitched) -> N
     model = stitched.stitched_model()
     np.testing.assert_allclose(model.delay_s, 0.005)
     np.testing.assert_allclose(model.lag_s, CRAFT.vehicle.rotors.lag_up_s)
+
+
+def test_a_stitched_model_shows_its_parameters_over_speed_and_is_saved(stitched: Stitched, tmp_path: Path) -> None:
+    words = repr(stitched)
+    assert f"from {len(stitched.points)} results" in words.splitlines()[0]
+    assert "M_pitch" in words
+    rotorid.save(stitched, tmp_path)
+    assert repr(rotorid.load_document(tmp_path)) == words

@@ -9,6 +9,7 @@ import pytest
 from tests.unit.identifying.response_twins import flight, written
 from tests.unit.report.page_parser import Page
 
+import rotorid
 from rotorid.documents.compare import CrossValidatedDocument, compare_document, read_results
 from rotorid.identifying.comparison import Comparison, compare
 from rotorid.report.compare import (
@@ -151,3 +152,11 @@ def test_a_page_says_which_distances_are_left_out(page: Page, unseen: Comparison
     assert "not given for results of the same log" in "".join(page.text)
     gain = next(row for row in shared_rows(compare_document(unseen)) if row.name == "K_phi")
     assert [bool(cell.text) for cell in gain.distances] == [False, False, True]
+
+
+def test_a_comparison_shows_its_models_and_is_saved(unseen: Comparison, tmp_path: Path) -> None:
+    lines = repr(unseen).splitlines()
+    assert lines[0].startswith("3 models compared on ")
+    assert {"first", "second", "other"} <= {line.split()[0] for line in lines[1:]}
+    rotorid.save(unseen, tmp_path)
+    assert rotorid.load_document(tmp_path) == compare_document(unseen)
