@@ -151,8 +151,8 @@ def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Fin
     if not apart:
         return rest
     message = (
-        f"The set-points of {own.record.source.name} show another {own.axis} loop than its gains, attitude loop and drag "
-        f"give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
+        f"The set-points of {own.record.source.name} show another {own.axis} loop than its gains, attitude loop and "
+        f"drag give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
     )
     return [warn("controller_unexplained", own.axis, message), *rest]
 
