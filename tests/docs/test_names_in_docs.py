@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from tests.sources import syntax
 
 from rotorid.cli.app import app
 
@@ -59,7 +60,7 @@ def defined() -> frozenset[str]:
     return frozenset(
         node.name
         for path in (ROOT / "src").rglob("*.py")
-        for node in ast.parse(path.read_text("utf-8")).body
+        for node in syntax(path).body
         if isinstance(node, (ast.FunctionDef, ast.ClassDef))
     )
 
