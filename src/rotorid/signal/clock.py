@@ -338,12 +338,20 @@ def _holes(
     holes: dict[tuple[float, float], None] = {}
     alike: dict[tuple[int, float, bool], list[str]] = {}
     for name, (time_s, _) in series.items():
-        inside = time_s[(time_s >= start_s) & (time_s <= stop_s)]
+        first, last = np.searchsorted(time_s, start_s), np.searchsorted(time_s, stop_s, side="right")
+        inside = time_s[first:last]
         steps = np.diff(inside)
-        gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps)) if steps.size else np.empty(0, dtype=np.int64)
+        if not steps.size:
+            continue
+        gaps = np.flatnonzero(steps > _GAP_STEPS * np.median(steps))
+        longest_s = _longest_bridged(steps)
+        # A gap across an end of the interval is no less long.
+        for before, after in ((first - 1, first), (last - 1, last)):
+            if before >= 0 and after < time_s.size and time_s[after] - time_s[before] > longest_s:
+                holes[float(time_s[before]), float(time_s[after])] = None
         if gaps.size == 0:
             continue
-        long = gaps[steps[gaps] > _longest_bridged(steps)]
+        long = gaps[steps[gaps] > longest_s]
         holes |= {(float(inside[gap]), float(inside[gap + 1])): None for gap in long}
         alike.setdefault((gaps.size, float(steps.max()), bool(long.size)), []).append(name)
     findings = [

@@ -36,6 +36,8 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 
 LossCause: TypeAlias = Literal["set-point missed", "tumbling", "falling at full thrust", "power lost"]
 
+_LEAST_USUAL = 1e-6
+"""Mean output below which no motor turned."""
 _CELL_S = 0.05
 _HOLD_S = 0.26
 """A sample counts for so long: logs of 10 Hz have no holes then, and single lost samples make none."""
@@ -307,7 +309,7 @@ class _Cells:
             rates=cells("p", "q", "r", "p_setpoint", "q_setpoint", "r_setpoint"),
             attitude=cells("phi", "theta", "phi_setpoint", "theta_setpoint"),
             motors=motors,
-            thrust=thrust / usual if usual > 0.0 else np.full(count, np.nan),
+            thrust=thrust / usual if usual > _LEAST_USUAL else np.full(count, np.nan),
             force=np.sqrt((cells("ax", "ay", "az") ** 2).sum(axis=0)),
             sink=cells("velocity_down")[0],
             current=cells("battery_current")[0],

@@ -274,3 +274,22 @@ def test_a_burst_on_a_long_clock_costs_no_more_than_its_samples() -> None:
         record(burst, topic("slow", slow, q=np.zeros(3))), channels=["p", "q"], start_s=0.0, stop_s=2e5
     )
     assert sum(history.values.shape[1] for history in conditioned.histories) <= 3
+
+
+def test_a_gap_across_the_end_of_a_segment_is_a_gap() -> None:
+    """A segment that ends in thirty years without a sample asked for a clock of 107 GiB."""
+    time_s = np.concatenate([stamps(250.0)[:1000], 1e9 + stamps(250.0)[:1000]])
+    made = resample(
+        record(topic("t", time_s, p=smooth(time_s), roll_command=smooth(time_s))),
+        channels=("roll_command", "p"),
+        start_s=0.0,
+        stop_s=0.9e9,
+    )
+    assert [history.values.shape[1] for history in made.histories] == [1000]
+    late = resample(
+        record(topic("t", time_s, p=smooth(time_s), roll_command=smooth(time_s))),
+        channels=("roll_command", "p"),
+        start_s=float(time_s[999]) + 1.0,
+        stop_s=2e9,
+    )
+    assert [history.values.shape[1] for history in late.histories] == [1000]
