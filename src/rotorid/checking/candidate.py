@@ -170,10 +170,18 @@ def _with_result(structure: LinearStructure, path: Path, *, required: bool) -> C
         if not required:
             return Candidate(structure=structure)
         raise UsageError(f"{path} is not the result of the {MODEL} next to it", needed=wanted)
+    try:
+        return _of_table(structure, path, table, required=required)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"{path} has parts of another kind than a result", needed=wanted) from error
+
+
+def _of_table(structure: LinearStructure, path: Path, table: Mapping[str, Any], *, required: bool) -> Candidate:
+    """The model with what its result says; an error of Python where a part is of another kind."""
     if required and not _holds_values(structure, table):
         raise UsageError(f"the {MODEL} next to {path} has other values", needed="both as written by identify")
     pairs = (table.get("cost") or {}).get("pairs") or {}
-    bands = [pair["band_rad_s"] for pair in pairs.values()]
+    bands = [(float(low), float(high)) for low, high in (pair["band_rad_s"] for pair in pairs.values())]
     sources = (table.get("provenance") or {}).get("sources") or None
     family = family_of(structure)
     needs = family.needs if family.needs_result else ""
