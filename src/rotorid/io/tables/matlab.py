@@ -6,9 +6,10 @@ child: a hostile file can crash the library that reads it.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -93,10 +94,70 @@ def extract(path: Path, options: Mapping[str, Any]) -> Extract:
 def _numbers_before_7_3(path: Path) -> dict[str, AnyArray]:
     from scipy.io import loadmat
 
+    _require_few_parts(path)
     content = loadmat(path, struct_as_record=False, squeeze_me=True, appendmat=False)
     return dict(
         item for name, value in content.items() if not name.startswith("__") for item in _flattened(name, value, 0)
     )
+
+
+def _require_few_parts(path: Path) -> None:
+    """Refuse structs and cells of so many parts that SciPy, at 70 µs each, would take longer than a log may.
+
+    Parts that are damaged are left to SciPy, which says so.
+    """
+    data = memoryview(path.read_bytes())
+    order: Literal["little", "big"] = "little" if data[126:128] == b"IM" else "big"
+    count, at = 0, 128
+    while at + 8 <= len(data):
+        kind, begin, end, at = _element(data, at, order)
+        part = data[begin:end]
+        if kind == _COMPRESSED:
+            # As many bytes as so many parts take; more of them are refused before that.
+            try:
+                part = memoryview(zlib.decompressobj().decompress(part, _MOST_PARTS * _BYTES_OF_PART))
+            except zlib.error:
+                return
+            kind, begin, end, _ = _element(part, 0, order)
+            part = part[begin:end]
+        if kind == _MATRIX:
+            count += _parts(part, order, _MOST_PARTS - count)
+        if count >= _MOST_PARTS:
+            raise LogError(
+                f"{path.name} has more than {_MOST_PARTS} arrays in its structs and cells",
+                needed=f"at most {_MOST_PARTS}",
+                remedy="save the needed ones only",
+            )
+
+
+def _element(data: memoryview, at: int, order: Literal["little", "big"]) -> tuple[int, int, int, int]:
+    """Kind of the element at a place, begin and end of its data, and the place of the next one."""
+    word = int.from_bytes(data[at : at + 4], order)
+    if word >> 16:  # up to four bytes stand in the tag itself
+        return word & 0xFFFF, at + 4, at + 4 + (word >> 16), at + 8
+    end = at + 8 + int.from_bytes(data[at + 4 : at + 8], order)
+    # Only what is compressed is not padded.
+    return word, at + 8, end, end if word == _COMPRESSED else end + (-end + at) % 8
+
+
+def _parts(data: memoryview, order: Literal["little", "big"], most: int) -> int:
+    """Matrices in a matrix, itself among them; no more than ``most`` are counted."""
+    count, waiting = 0, [data]
+    while waiting and count < most:
+        matrix = waiting.pop()
+        count += 1
+        if len(matrix) < _LEAST_MATRIX_BYTES:
+            continue
+        kind = int.from_bytes(matrix[8:12], order) & 0xFF
+        # Flags, sizes, the name; the class of objects; length of the names of fields, and these.
+        heads = {_CELL: 3, _STRUCT: 5, _OBJECT: 6}.get(kind, 0)
+        at = 0
+        for _ in range(heads):
+            at = _element(matrix, at, order)[3]
+        while heads and at + 8 <= len(matrix) and count + len(waiting) < most:
+            _, begin, end, at = _element(matrix, at, order)
+            waiting.append(matrix[begin:end])
+    return count + len(waiting)
 
 
 def _flattened(name: str, value: object, depth: int) -> Iterator[tuple[str, AnyArray]]:
@@ -121,6 +182,11 @@ MAGICS = (b"MATLAB 7.3 MAT-file", b"\x89HDF\r\n\x1a\n")
 _DEEPEST = 16
 _MOST_CELLS = 1000
 _MOST_ARRAYS = 5000
+_MOST_PARTS = 20_000
+_BYTES_OF_PART = 256
+_LEAST_MATRIX_BYTES = 16
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCT, _OBJECT = 1, 2, 3
 _OLDER = "in MATLAB, load it and save it again with `save(NAME, '-v7')`"
 
 
