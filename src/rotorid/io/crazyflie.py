@@ -492,7 +492,7 @@ def _kind(number: int, name: str, texts: Sequence[str], version: int) -> _Kind:
         raise _contradiction(f"the event {name[:40]!r} names a variable twice")
     fields = [("number", "<u2"), ("stamp", _STAMPS[version][0])]
     fields += [(f"v{index}", _TYPES[letter]) for index, letter in enumerate(letters)]
-    return _Kind(number=number, name=name, variables=variables, layout=np.dtype(fields))
+    return _Kind(number=number, name=name or f"event {number}", variables=variables, layout=np.dtype(fields))
 
 
 def _contradiction(reason: str) -> LogError:

@@ -14,6 +14,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rotorid.autopilots.autopilot import LogFormat
 from rotorid.autopilots.registry import named
 from rotorid.data.display import visible
@@ -92,13 +94,18 @@ def read(
     >>> record.topics[0].values.round(4).tolist()
     [[3.1416, 0.0]]
     """
-    path = Path(path)
+    # Any bits may stand in the place of a number: what is none leaves in the screen, and is no warning of arithmetic.
+    with np.errstate(all="ignore"):
+        return checked_speeds(screened(_read(Path(path), mapping, sandbox=sandbox)))
+
+
+def _read(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | None, *, sandbox: bool) -> FlightRecord:
     named_by = ""
     if mapping is not None and not isinstance(mapping, ChannelMapping):
         named_by = visible(Path(mapping).name)
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
-        return checked_speeds(screened(_read_folder(path)))
+        return _read_folder(path)
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
@@ -123,7 +130,7 @@ def checked_record(record: FlightRecord, mapping: ChannelMapping | None, named_b
         (record,) = with_sensor_filters((record,), mapping.filters, option=f"the mapping {named_by}".rstrip())
     if named_by:
         record = replace(record, source=replace(record.source, mapping=named_by))
-    return checked_speeds(screened(record))
+    return record
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:

@@ -181,7 +181,7 @@ class _Binary:
         try:
             number, _, name, letters, columns = (str(cell).strip() for cell in cells)
             self._lay_out(int(float(number)), name, letters, columns.split(","))
-        except ValueError:
+        except (ValueError, OverflowError):
             self.damaged += 1
 
     def _without_factors(self, cells: Cells) -> Cells:
