@@ -14,7 +14,7 @@ from rotorid._faces import attach, lazy
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy(__name__)
+__getattr__, __dir__, __all__ = lazy(__name__, functions="rotorid.settings.keywords:for_python")
 
 attach(
     {

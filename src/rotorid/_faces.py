@@ -45,7 +45,7 @@ _FACES: dict[str, Listed] = {}
 _PLACES: dict[str, str] = {}
 
 
-def lazy(package: str, *, removed_in: str = "") -> Face:
+def lazy(package: str, *, removed_in: str = "", functions: str = "") -> Face:
     """``__getattr__``, ``__dir__`` and ``__all__`` of a package whose names its ``__init__.pyi`` lists.
 
     Parameters
@@ -54,6 +54,8 @@ def lazy(package: str, *, removed_in: str = "") -> Face:
         Its ``__name__``.
     removed_in
         The release in which the whole face goes; empty where it stays.
+    functions
+        ``module:name`` of what makes of a listed function the one that the face offers; empty for the function itself.
 
     Examples
     --------
@@ -74,6 +76,9 @@ def lazy(package: str, *, removed_in: str = "") -> Face:
             warnings.warn(f"{package}.{name} is {deprecation}", DeprecationWarning, stacklevel=2)
         # A listed module is its own home, as a vehicle with its sources.
         value = import_module(f"{package}.{name}") if home == package else getattr(import_module(home), original)
+        if functions and type(value).__name__ == "function":
+            place, _, made = functions.partition(":")
+            value = getattr(import_module(place), made)(value)
         setattr(module, name, value)
         return value
 

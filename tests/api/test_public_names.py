@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -34,6 +35,11 @@ def documented_parameters(thing: Any) -> set[str]:
     return {name.removeprefix("**") for line in names for name in line.split(", ")}
 
 
+def parameters_of(name: str) -> Mapping[str, inspect.Parameter]:
+    """Parameters as they are written: fields of settings, shown in place of ``**options``, are documented there."""
+    return inspect.signature(inspect.unwrap(PUBLIC[name])).parameters
+
+
 def test_every_public_name_is_a_function_a_value_or_an_error() -> None:
     assert sorted(FUNCTIONS + VALUES + ERRORS + COLLECTIONS) == sorted(rotorid.__all__)  # type: ignore[attr-defined]
     assert sorted(rotorid.__all__) == list(rotorid.__all__)  # type: ignore[attr-defined]
@@ -54,7 +60,7 @@ def test_is_documented(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted({*FUNCTIONS, *VALUES} - ONE_SENTENCE))
 def test_every_argument_is_documented(name: str) -> None:
-    assert documented_parameters(PUBLIC[name]) == set(inspect.signature(PUBLIC[name]).parameters)
+    assert documented_parameters(PUBLIC[name]) == set(parameters_of(name))
 
 
 @pytest.mark.parametrize("name", FUNCTIONS + VALUES + ERRORS)
@@ -62,7 +68,7 @@ def test_misspelt_keyword_is_refused(name: str) -> None:
     if inspect.isabstract(PUBLIC[name]):
         pytest.skip("its subclasses are constructed")
     # Where options follow by keyword, they are looked at when all else is there.
-    parameters = inspect.signature(PUBLIC[name]).parameters.values()
+    parameters = parameters_of(name).values()
     takes_options = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
     needed = [parameter for parameter in parameters if takes_options and parameter.default is parameter.empty]
     given = [()] * sum(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in needed)

@@ -59,7 +59,7 @@ def test_without_a_band_it_is_fitted_above_the_speed_modes(case: Case, shared_da
 
 def test_in_a_band_that_reaches_into_them_it_is_refused(shared_data: Path) -> None:
     record = rotorid.read(shared_data / "s500" / "roll_sweeps.csv")
-    with pytest.raises(InsufficientDataError, match=r"does not describe these flights.*narrow --band"):
+    with pytest.raises(InsufficientDataError, match=r"does not describe these flights.*narrow band_rad_s"):
         rotorid.identify([record], "rate.roll", band_rad_s=(1.7, 35.0))
 
 

@@ -179,5 +179,5 @@ def test_a_planted_place_comes_back_and_derivatives_know_its_error(px4: FlightRe
 
 
 def test_sensors_are_not_corrected_for_a_fit_in_time(px4: FlightRecord) -> None:
-    with pytest.raises(UsageError, match="--correct-sensors does not work in the time domain"):
+    with pytest.raises(UsageError, match="correct_sensors=True does not work in the time domain"):
         rotorid.identify(px4, "rate.roll", method="output_error", correct_sensors=True)

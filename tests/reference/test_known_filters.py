@@ -176,5 +176,5 @@ def test_a_model_without_known_filters_is_that_of_the_vehicle(unpacked: Callable
 
 def test_filters_are_not_taken_off_a_fit_in_time(unpacked: Callable[[str], Path]) -> None:
     record = rotorid.read(unpacked("ardupilot_sitl/x_calm_roll.BIN"), sandbox=False)
-    with pytest.raises(UsageError, match="--correct-filters does not work in the time domain"):
+    with pytest.raises(UsageError, match="correct_filters=True does not work in the time domain"):
         rotorid.identify(record, "rate.roll", method="output_error", correct_filters=True)

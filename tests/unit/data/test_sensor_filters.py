@@ -159,7 +159,7 @@ def test_a_mapping_gives_the_filter_of_a_channel(tmp_path: Path) -> None:
 
 
 def test_fits_in_time_refuse_a_filter() -> None:
-    with pytest.raises(UsageError, match="--filter does not work in the time domain"):
+    with pytest.raises(UsageError, match="filters does not work in the time domain"):
         rotorid.identify(sweep_record(), "rate.roll", method="output_error", filters=parse_sensor_filters(["p=lp:60"]))
 
 

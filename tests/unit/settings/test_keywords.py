@@ -1,0 +1,74 @@
+"""A program sees options as keywords: in the signature of each verb, and in its errors."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from dataclasses import fields
+
+import pytest
+
+import rotorid
+from rotorid.errors import RotoridError, UsageError
+from rotorid.fleets import FleetSettings
+from rotorid.identifying.identification import identify
+from rotorid.proposing import TuneSettings
+from rotorid.reviewing import ReviewSettings
+from rotorid.settings import IdentifySettings, VerifySettings
+from rotorid.settings.keywords import in_keywords, settings_of
+
+VERBS = [name for name in rotorid.__all__ if settings_of(inspect.unwrap(getattr(rotorid, name))) is not None]
+
+
+def test_every_verb_with_options_is_one() -> None:
+    assert {"compare", "delay", "fleet", "identify", "identify_several", "response"} < {*VERBS}
+    assert {"review", "simulate", "stitch", "track", "tune", "verify"} < {*VERBS}
+    for name in rotorid.__all__:
+        found = getattr(rotorid, name)
+        if inspect.isfunction(found):
+            kinds = {parameter.kind for parameter in inspect.signature(found).parameters.values()}
+            assert inspect.Parameter.VAR_KEYWORD not in kinds, f"{name} hides its options"
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_the_signature_of_a_verb_has_each_field_of_its_settings(name: str) -> None:
+    verb = getattr(rotorid, name)
+    kind = settings_of(inspect.unwrap(verb))
+    assert kind is not None
+    parameters = inspect.signature(verb).parameters
+    for item in fields(kind):
+        assert item.name in parameters, item.name
+        assert parameters[item.name].kind is not inspect.Parameter.VAR_KEYWORD
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "shown"),
+    [
+        (IdentifySettings, "add --segment roll:5.00:35.00.", 'add segments="roll:5.00:35.00".'),
+        (IdentifySettings, "use --reduce, or --search NAME", 'use reduce=True, or search="NAME"'),
+        (IdentifySettings, "narrow --band", "narrow band_rad_s"),
+        (VerifySettings, "see rotorid verify RESULT LOG --scale 8", "see rotorid verify RESULT LOG --scale 8"),
+        (VerifySettings, "give --layout", "give --layout (rotorid identify)"),
+        (ReviewSettings, "left out (--no-models)", "left out (models=False)"),
+        (TuneSettings, "no options here", "no options here"),
+        (FleetSettings, "", ""),
+    ],
+)
+def test_options_become_keywords(kind: type, words: str, shown: str) -> None:
+    assert in_keywords(words, kind) == shown
+
+
+def test_an_error_speaks_to_its_caller() -> None:
+    with pytest.raises(UsageError, match="--pieces -1 is not a length"):
+        identify("flight.ulg", "rate.roll", pieces_s=-1.0)
+    with pytest.raises(UsageError) as error:
+        rotorid.identify("flight.ulg", "rate.roll", pieces_s=-1.0)
+    assert str(error.value) == "pieces_s=-1 is not a length; expected more than 0 s."
+    assert error.value.came == "pieces_s=-1 is not a length"
+    with pytest.raises(RotoridError, match="has more than one of fix, ties and free"):
+        rotorid.identify("flight.ulg", "rate.roll", fix="L_p=1", free="L_p")
+
+
+def test_verbs_go_to_other_processes() -> None:
+    assert pickle.loads(pickle.dumps(rotorid.identify)) is rotorid.identify
+    assert inspect.unwrap(rotorid.identify) is identify
