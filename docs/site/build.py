@@ -184,7 +184,7 @@ PARTS = {
     "Tutorials": ("notebooks/first-steps", "notebooks/betaflight-gains", "tutorials/README"),
     "How-to guides": (
         *("what-it-does", "review", "review-loops", "review-noise-motors", "design", "test-inputs", "tune"),
-        *("track", "fleet", "lab", "simulation", "vehicles", "export", "export-gallery", "forward-flight"),
+        *("track", "fleet", "lab", "mcp", "simulation", "vehicles", "export", "export-gallery", "forward-flight"),
         *("mapping", "python", "bench", "preferences", "adding"),
     ),
     "Explanation": (

@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from rotorid.documents.answer import AnswerDocument
 from rotorid.lab.workers import Job, Workers
-from rotorid.mcp.answers import MOST_BYTES, AnswerDocument, bounded
+from rotorid.mcp.answers import MOST_BYTES, bounded
 from rotorid.mcp.folders import named_folders
 from rotorid.mcp.server import Desk, answered
 
@@ -236,20 +237,8 @@ def test_hostile_calls_are_answered_and_touch_nothing_outside(place: Path, caplo
         assert str(place.parent) not in text
     # What reached a command names places inside, and nothing that is an option by accident.
     assert workers.asked
-    own = {
-        "--json",
-        "--quiet",
-        "--out",
-        "--model",
-        "--seed",
-        "--to",
-        "--set",
-        "--map",
-        "--brief",
-        "--verify",
-        "--fix",
-        "--judge",
-    }
+    own = {"--json", "--quiet", "--out", "--model", "--seed", "--to", "--set", "--map", "--brief", "--verify"}
+    own |= {"--fix", "--judge", "--robustness", "--band"}
     for words in workers.asked:
         options = {word for word in words if word.startswith("-")}
         assert options <= own, words

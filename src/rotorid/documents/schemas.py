@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 
+from rotorid.documents.answer import AnswerDocument
 from rotorid.documents.base import Document
 from rotorid.documents.bench import BenchDesignDocument
 from rotorid.documents.benchmark import BenchDocument
@@ -56,6 +57,7 @@ SCHEMAS: Mapping[str, type[Document]] = {
     "rotorid.error-1": ErrorDocument,
     "rotorid.track-1": TrackDocument,
     "rotorid.bench-1": BenchDocument,
+    "rotorid.answer-1": AnswerDocument,
 }
 
 

@@ -108,7 +108,7 @@ class IdentifyCall(_OfLogs, _Written):
     logs: Annotated[Paths, Field(description="Logs to fit.")]
     models: Annotated[
         tuple[Model | Literal["all"], ...],
-        Field(max_length=20, description="Models, such as rate.roll; inspect says which the log supports."),
+        Field(max_length=20, description="Models, such as rate.roll; inspect lists those that the log supports."),
     ] = ()
     model_file: Annotated[Place | None, Field(description="TOML file of a model, in place of models.")] = None
     verify: Annotated[tuple[Place, ...], Field(max_length=MOST_LOGS, description="Logs to validate on.")] = ()
@@ -154,7 +154,7 @@ class VerifyCall(_OfLogs, _Written):
 class ExportCall(_Written):
     """Choices of export."""
 
-    about = "Write a model for a simulator or tool; the answer says what is kept, approximated and lost."
+    about = "Write a model for a simulator or tool; the answer lists what is kept, approximated and lost."
     results: Annotated[Paths, Field(description="Folders of results of identify, of one vehicle.")]
     to: Annotated[str, Field(max_length=40, pattern="^[a-z][a-z0-9-]*$", description="Such as px4-sih, mujoco, json.")]
     values: Annotated[
@@ -251,7 +251,7 @@ def _review(call: ReviewCall, folders: Folders) -> Command:
 
 def _identify(call: IdentifyCall, folders: Folders) -> Command:
     if bool(call.models) == (call.model_file is not None):
-        raise UsageError("identify needs either models or model_file", remedy="inspect says what the log supports")
+        raise UsageError("identify needs either models or model_file", remedy="inspect lists what the log supports")
     logs = _found(call.logs, folders)
     what = "models" if call.model_file is not None or len(call.models) > 1 else call.models[0]
     out = _place(call.out, folders, logs[0], re.sub(r"[^A-Za-z0-9.]+", "-", what))

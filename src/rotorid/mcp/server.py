@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 from rotorid import __version__
 from rotorid.data.display import cut, visible
+from rotorid.documents.answer import AnswerDocument, SpanDocument, State
 from rotorid.errors import RotoridError, UsageError
 from rotorid.io.documents import parse_json, read_text
 from rotorid.io.named import is_log
 from rotorid.lab.workers import Job, Places, Workers
-from rotorid.mcp.answers import AnswerDocument, SpanDocument, State, bounded, evidence, not_checked
+from rotorid.mcp.answers import bounded, evidence, not_checked
 from rotorid.mcp.calls import (
     TOOLS,
     Call,
@@ -282,12 +283,12 @@ def _untitled(schema: Any) -> Any:
 
 
 async def answered(
-    desk: Desk, tool: str, arguments: Mapping[str, Any], tell: Callable[[float, str], Any] | None = None
+    desk: Desk, tool: str, arguments: Mapping[str, Any], report: Callable[[float, str], Any] | None = None
 ) -> AnswerDocument | bytes:
     """The answer of a call, whatever it is: what goes wrong is a sentence."""
     name = tool if tool in TOOLS else visible(tool[:80])
     try:
-        return await carry_out(desk, parse_call(tool, arguments), name, tell)
+        return await carry_out(desk, parse_call(tool, arguments), name, report)
     except RotoridError as error:
         return AnswerDocument(tool=name, state="wrong_use", sentence=desk.without_places(visible(str(error))))
     except Exception as error:
@@ -296,13 +297,13 @@ async def answered(
 
 
 async def carry_out(
-    desk: Desk, call: Call, tool: str, tell: Callable[[float, str], Any] | None = None
+    desk: Desk, call: Call, tool: str, report: Callable[[float, str], Any] | None = None
 ) -> AnswerDocument | bytes:
     """The answer of a call.
 
     Parameters
     ----------
-    tell
+    report
         Awaited with the seconds of the command and what it does.
 
     Raises
@@ -319,30 +320,30 @@ async def carry_out(
     if isinstance(call, PictureCall):
         return await to_thread.run_sync(desk.picture, call)
     command = await to_thread.run_sync(command_of, call, desk.folders)
-    answer = await _ended(desk, tool, command, tell)
+    answer = await _ended(desk, tool, command, report)
     if answer.evidence or answer.state not in ("done", "not_enough_data"):
         return answer
     spans: list[SpanDocument] = []
     for log in command.logs:
         if (known := desk.flights(log)) is None:
             looked = command_of(InspectCall(log=str(log), map=getattr(call, "map", None)), desk.folders)
-            await _ended(desk, "inspect", looked, tell)
+            await _ended(desk, "inspect", looked, report)
             known = desk.flights(log)
         spans += known or []
     return answer.model_copy(update={"evidence": spans})
 
 
-async def _ended(desk: Desk, tool: str, command: Command, tell: Callable[[float, str], Any] | None) -> AnswerDocument:
+async def _ended(desk: Desk, tool: str, command: Command, report: Callable[[float, str], Any] | None) -> AnswerDocument:
     from anyio import sleep, to_thread
 
     job = await to_thread.run_sync(desk.start, command)
     try:
-        told = ""
+        shown = ""
         while not job.ended.is_set():
             await sleep(_LOOKS_S)
-            if tell is not None and job.doing != told:
-                told = job.doing
-                await tell(job.seconds, cut(visible(told)))
+            if report is not None and job.doing != shown:
+                shown = job.doing
+                await report(job.seconds, cut(visible(shown)))
     finally:
         desk.cancel(job)
     return await to_thread.run_sync(desk.answer, tool, command, job)
@@ -375,10 +376,10 @@ def server_of(desk: Desk) -> Server[Any]:
         return ListToolsResult(tools=tools)
 
     async def call_tool(context: ServerRequestContext[Any], params: CallToolRequestParams) -> CallToolResult:
-        async def tell(seconds: float, doing: str) -> None:
+        async def report(seconds: float, doing: str) -> None:
             await context.session.report_progress(seconds, None, doing)
 
-        found = await answered(desk, params.name, params.arguments or {}, tell)
+        found = await answered(desk, params.name, params.arguments or {}, report)
         if isinstance(found, bytes):
             data = base64.b64encode(found).decode()
             return CallToolResult(content=[ImageContent(type="image", data=data, mime_type="image/png")])

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from rotorid.mcp.answers import MOST_BYTES, AnswerDocument, bounded, evidence, not_checked
+from rotorid.documents.answer import AnswerDocument
+from rotorid.mcp.answers import MOST_BYTES, bounded, evidence, not_checked
 
 NUMBER = {"value": 1.23456789, "std": 0.1, "lower": 1.0, "upper": 1.4, "unit": "1/s"}
 
