@@ -274,7 +274,7 @@ def _left_out(
         "Flightmare has no air: drag, damping and inflow are lost.",
     ]
     if not _square(body):
-        remarks.append("Roll and pitch answer alike there: their mean is held.")
+        remarks.append("Roll and pitch answer alike in Flightmare: the file has their mean.")
     if rotors.mirrored:
         remarks.append("All rotors turn the other way there, so yaw from thrusts has the opposite sign.")
     up, down = lags_of(vehicle, choices, NAME)
