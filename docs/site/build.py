@@ -28,7 +28,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 DOCS = ROOT / "docs"
 FACES = (
-    *("rotorid", "rotorid.benchmarking", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting", "rotorid.fleets"),
+    *("rotorid", "rotorid.benchmarking", "rotorid.data", "rotorid.excitation", "rotorid.exports", "rotorid.fitting"),
+    "rotorid.fleets",
     *(
         "rotorid.flights",
         "rotorid.flying",
@@ -184,8 +185,8 @@ PARTS = {
     "Tutorials": ("notebooks/first-steps", "notebooks/betaflight-gains", "tutorials/README"),
     "How-to guides": (
         *("what-it-does", "review", "review-loops", "review-noise-motors", "design", "test-inputs", "tune"),
-        *("track", "fleet", "lab", "mcp", "simulation", "vehicles", "export", "export-gallery", "forward-flight"),
-        *("mapping", "python", "bench", "preferences", "adding"),
+        *("track", "fleet", "lab", "mcp", "simulation", "vehicles", "export", "export-gallery", "randomization"),
+        *("forward-flight", "mapping", "python", "bench", "preferences", "adding"),
     ),
     "Explanation": (
         *("method", "motors", "flight", "time-domain", "searches", "controllers", "accuracy", "limits", "tuning-study"),
