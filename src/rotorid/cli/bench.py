@@ -65,6 +65,7 @@ def _write(folder: Path, found: Benchmarked) -> None:
 def _print(document: BenchDocument, folder: Path, *, verbose: bool = False) -> None:
     """Print the answer, the table, what is unfair, findings and files."""
     from rich.table import Table
+    from rich.text import Text
 
     from rotorid.cli.console import output_console, print_findings
     from rotorid.report.benchmark import bench_summary, heading, metrics_of, model_rows
@@ -78,7 +79,7 @@ def _print(document: BenchDocument, folder: Path, *, verbose: bool = False) -> N
     )
     made.add_column("model", justify="left")
     for metric in metrics_of(document, every=verbose):
-        made.add_column(heading(metric), justify="right")
+        made.add_column(Text(heading(metric)), justify="right")
     made.add_column("numbers", justify="right")
     rows = model_rows(document, every=verbose)
     for row in rows:

@@ -85,7 +85,7 @@ def bench_document(found: Benchmarked | Refused) -> BenchDocument:
                     source=row.source,
                     metric=row.metric,
                     value=finite(row.value),
-                    std=finite(row.std),
+                    std=None if row.std is None else finite(row.std),
                     parameters=row.parameters,
                 )
                 for row in found.rows

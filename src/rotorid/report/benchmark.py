@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rotorid.benchmarking.benchmark import Benchmarked
 from rotorid.benchmarking.catalog import BENCHMARKS, METRICS, SHOWN, Metric
-from rotorid.data.display import counted
+from rotorid.data.display import listed
 from rotorid.data.quantity import MISSING, significant, with_error
 from rotorid.documents.benchmark import BenchDocument, BenchRowDocument, bench_document
 from rotorid.report.frame import render
@@ -78,14 +78,18 @@ def bench_summary(document: BenchDocument) -> list[str]:
         return []
     kind = BENCHMARKS[document.benchmark].kind
     table = {(row.model, row.metric): row.value for row in document.rows if row.value is not None}
-    first = f"{counted(len(document.flights), 'flight')}: {document.split}."
+    split = f"{document.split[0].upper()}{document.split[1:]}."
     if kind == "loads":
         own, naive = "physical.flight", next(row.model for row in document.rows if row.source == "naive")
-        shares = [f"{metric} {table[own, metric] / table[naive, metric]:.2f}" for metric in ("force", "moment")]
-        return [first, f"{own} leaves this share of the errors of {naive}: {', '.join(shares)}."]
+        missed, shares = [], []
+        for metric in SHOWN[kind]:
+            value = table[own, metric.name]
+            missed.append(f"{metric.words} by {significant(metric.scale * value, digits=3)} {metric.shown}")
+            shares.append(significant(value / table[naive, metric.name], digits=2))
+        return [f"{own} misses {listed(missed)}, {listed(shares)} times as much as {naive}.", split]
     own = max((name for name in _OWN if (name, "position") in table), key=_OWN.index)
     shares = [f"{metric.name} {significant(table[own, metric.name], digits=2)}" for metric in SHOWN[kind]]
-    return [first, f"{own} leaves this share of the errors of a state that is kept: {', '.join(shares)}."]
+    return [f"Errors of {own} over those of a kept state: {', '.join(shares)}.", split]
 
 
 def bench_table(document: BenchDocument) -> Table:

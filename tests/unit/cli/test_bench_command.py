@@ -13,7 +13,7 @@ from tests.unit.cli.test_console_forty_lines import rows
 
 from rotorid.benchmarking import loads
 from rotorid.benchmarking.catalog import LOADS
-from rotorid.benchmarking.scores import load_rows
+from rotorid.benchmarking.scores import LoadErrorsOf, load_rows
 from rotorid.cli.console import MOST_LINES
 from rotorid.documents.benchmark import BenchDocument
 
@@ -32,7 +32,7 @@ def without_long_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     def rows_of_rotorid(flights: object, folds: object, vehicle: object) -> list[object]:
         import numpy as np
 
-        errors = [loads.LoadErrorsOf(np.full((3, 2), 0.1), np.full((3, 2), 1e-3))] * 2
+        errors = [LoadErrorsOf(np.full((3, 2), 0.1), np.full((3, 2), 1e-3))] * 2
         return [*load_rows("physical.flight", "fitted here to the other flights", LOADS, errors, 11)]
 
     monkeypatch.setattr(loads, "_of_rotorid", rows_of_rotorid)
@@ -44,8 +44,10 @@ def test_a_table_for_a_person_and_for_a_paper(data: Path, tmp_path: Path) -> Non
     ran: Ran = rotorid(*words, "--out", out)
     assert ran.code == 0
     assert rows(ran.out) <= MOST_LINES
-    assert ran.out.startswith("2 flights: each of 2 flights by a fit of the others.")
+    assert ran.out.startswith("physical.flight misses force by 0.173 N and moment by ")
+    assert "Each of 2 flights by a fit of the others." in ran.out
     assert "mine: Python function thrust_by_speed" in ran.out
+    assert "moment [mN m]" in ran.out
     document = BenchDocument.model_validate_json((out / "bench.json").read_text())
     assert document.schema_name == "rotorid.bench/1"
     assert document.provenance.command[:2] == ["rotorid", "bench"]
