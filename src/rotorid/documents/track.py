@@ -77,7 +77,7 @@ class TrackDocument(ShownDocument):
 
     def shown(self) -> Shown:
         """The verdict, the gain at the end, what changed when, and when there is no verdict."""
-        rows = [("verdict", self.verdict, f"{self.told_s:.0f} s could be judged")]
+        rows: list[tuple[str, ...]] = [("verdict", self.verdict, f"{self.told_s:.0f} s could be judged")]
         if self.gain is not None:
             rows.append(("gain at the end", with_error(self.gain.value, self.gain.std), "of that of the reference"))
         rows += [("step", with_error(step.ratio, step.std), f"from {step.since_s:.1f} s") for step in self.steps]

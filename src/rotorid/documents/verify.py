@@ -43,7 +43,7 @@ class VerifyDocument(ShownDocument):
 
     def shown(self) -> Shown:
         """Each maneuver with its verdict and scores, and costs of responses."""
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 check.verdict,
                 f"{check.record}: {check.axis} {check.kind}, {check.start_s:.1f} to {check.stop_s:.1f} s",

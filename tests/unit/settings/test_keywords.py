@@ -17,13 +17,14 @@ from rotorid.reviewing import ReviewSettings
 from rotorid.settings import IdentifySettings, VerifySettings
 from rotorid.settings.keywords import in_keywords, settings_of
 
-VERBS = [name for name in rotorid.__all__ if settings_of(inspect.unwrap(getattr(rotorid, name))) is not None]
+NAMES: list[str] = rotorid.__all__  # type: ignore[attr-defined]
+VERBS = [name for name in NAMES if settings_of(inspect.unwrap(getattr(rotorid, name))) is not None]
 
 
 def test_every_verb_with_options_is_one() -> None:
     assert {"compare", "delay", "fleet", "identify", "identify_several", "response"} < {*VERBS}
     assert {"review", "simulate", "stitch", "track", "tune", "verify"} < {*VERBS}
-    for name in rotorid.__all__:
+    for name in NAMES:
         found = getattr(rotorid, name)
         if inspect.isfunction(found):
             kinds = {parameter.kind for parameter in inspect.signature(found).parameters.values()}
