@@ -23,7 +23,8 @@ from rotorid.tuning.loops import over_draws, quantities
 from rotorid.tuning.proposal import Judged, robustness_in_words
 from rotorid.typing import LoopName
 
-TUNE, SIGNALS = "tune.json", "tune.npz"
+TUNE: str = "tune.json"
+SIGNALS: str = "tune.npz"
 
 
 class GainDocument(Document):
