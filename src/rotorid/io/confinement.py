@@ -108,7 +108,8 @@ def confine_files(*, readable: Sequence[Path], writable: Sequence[Path]) -> bool
     libc = _libc()
     if libc is None or int(libc.syscall(_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(1))) < _MOVES_SINCE:
         return False
-    return libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 and _landlock(libc, readable, writable)
+    # A child that it starts, such as a foreign parser, has its unused streams there.
+    return libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 and _landlock(libc, readable, [*writable, Path(os.devnull)])
 
 
 def _limit(limits: Mapping[str, int]) -> bool:

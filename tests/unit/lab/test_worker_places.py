@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.io import savemat
 from tests.hostile.samples import ulog
 
 from rotorid.lab.workers import Job, Places, Workers
@@ -65,3 +67,11 @@ def test_nothing_outside_is_written(workers: Workers, tmp_path: Path) -> None:
         job = ran(workers, tmp_path / "job", "inspect", log, "--out", place)
         assert job.state == "refused"
         assert not place.exists()
+
+
+def test_a_foreign_parser_still_runs_in_its_own_sandbox(workers: Workers, tmp_path: Path) -> None:
+    log = tmp_path / "inside" / "flight.mat"
+    time_s = np.arange(500) / 100.0
+    savemat(log, {"time": time_s, "p": np.sin(time_s), "roll_command": np.cos(time_s)})
+    job = ran(workers, tmp_path / "job", "inspect", log)
+    assert job.state == "done", job.sentence
