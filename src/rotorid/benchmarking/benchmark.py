@@ -101,6 +101,8 @@ def bench(
         rows = load_table(found.flights, parts, vehicle, foreign)
     else:
         rows, steps = step_table(benchmark, found.flights, parts, vehicle, foreign)
+    if foreign and len({row.source for row in rows if row.model == foreign.label}) > 1:
+        raise UsageError(f"the table has a row {foreign.label!r} already", remedy="add --label NAME with another name")
     return Benchmarked(
         benchmark=benchmark,
         split=split,

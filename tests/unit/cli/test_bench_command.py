@@ -103,3 +103,11 @@ def test_a_file_of_other_columns_writes_nothing(data: Path, tmp_path: Path) -> N
     assert ran.code == 2
     assert "mine.csv has no column force_x, force_y, force_z and moment_x and 2 more" in " ".join(ran.err.split())
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+
+
+def test_a_label_that_is_taken_writes_nothing(data: Path, tmp_path: Path) -> None:
+    words = ("--predictions", PREDICTS, "--label", "physical.flight", "--out", tmp_path / "out")
+    ran = rotorid("bench", "neurobem", "--data", data, *words)
+    assert ran.code == 2
+    assert "the table has a row 'physical.flight' already; add --label NAME" in " ".join(ran.err.split())
+    assert not list(tmp_path.iterdir())
