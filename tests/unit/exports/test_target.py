@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from rotorid.errors import ModelError, UsageError
 from rotorid.exports import TARGETS, Compared, Exported, ExportSettings, export, export_draws, table_lines
 from rotorid.exports.draws import drawn_model
 from rotorid.exports.round_trip import identified_motion, linearized
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def row(identified: float, exported: float, **more: object) -> Compared:
@@ -66,6 +70,17 @@ def test_targets_are_all_there() -> None:
         ),
         *("matlab", "control", "fmu", "json"),
     }
+
+
+def test_the_lab_offers_every_target() -> None:
+    from typing import get_args
+
+    from rotorid.lab.steps import Step
+
+    assert set(get_args(Step.model_fields["to"].annotation)) == set(TARGETS)
+    page = (ROOT / "src/rotorid/lab/static/results.js").read_text(encoding="utf-8")
+    listed = page.partition("const TARGETS = [")[2].partition("\n];")[0]
+    assert set(re.findall(r'"([\w-]+)"', listed)) == set(TARGETS)
 
 
 def test_the_face_exports_a_model() -> None:

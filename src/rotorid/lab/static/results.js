@@ -3,7 +3,10 @@ import { CommandLine, copyable } from "./commands.js";
 import { $, ask, counted, ends, make, number, omegaOf, headingOf, loopOf, redrawn, shownFigure, shownOmega, tableOf, tried, unitOf, unitText, watched, withStd, within, words } from "./page.js";
 import { colors, lines, phaseOf, released } from "./plots.js";
 
-const TARGETS = ["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "matlab", "control", "fmu", "json"];
+const TARGETS = [
+  ...["px4-sih", "ardupilot", "gazebo", "mujoco", "rotorpy", "urdf", "rl-tools", "crazyflow", "pyflyt"],
+  ...["aerial-gym", "flightmare", "allocation", "matlab", "control", "fmu", "json"],
+];
 const WORDS = { waiting: "waiting for a free slot", running: "running", done: "done", refused: "refused", failed: "failed", canceled: "canceled" };
 /** Responses that are drawn at once; of more, each is drawn when it is opened. */
 const FEW = 4;
