@@ -579,6 +579,8 @@ def _clocks(topics: Sequence[Topic], arrays: Mapping[str, AnyArray]) -> Iterator
         for topic in topics
         if topic.time_s.size
     }
+    if not offsets:
+        return
     early, late = min(offsets, key=offsets.__getitem__), max(offsets, key=offsets.__getitem__)
     skew_s = offsets[late] - offsets[early]
     if skew_s > _LARGEST_SKEW_S:

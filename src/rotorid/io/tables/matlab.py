@@ -107,7 +107,7 @@ def _require_few_parts(path: Path) -> None:
     Parts that are damaged are left to SciPy, which says so.
     """
     data = memoryview(path.read_bytes())
-    order: Literal["little", "big"] = "little" if data[126:128] == b"IM" else "big"
+    order: Literal["little", "big"] = "little" if bytes(data[126:128]) == b"IM" else "big"
     count, at = 0, 128
     while at + 8 <= len(data):
         kind, begin, end, at = _element(data, at, order)

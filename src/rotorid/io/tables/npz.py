@@ -116,7 +116,7 @@ def read_arrays(path: Path) -> dict[str, AnyArray]:
         raise UsageError(error.came, needed=error.needed, remedy=error.remedy) from None
     except _DAMAGE as error:
         raise UsageError(
-            f"{path} cannot be read as a NumPy archive: {error}",
+            f"{path} cannot be read as a NumPy archive: {error!s:.200}",
             needed="the file that identify wrote with the result",
             remedy="run identify again",
         ) from error
