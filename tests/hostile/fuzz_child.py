@@ -1,7 +1,8 @@
-"""The child of `test_fuzz_structured`: reads hostile inputs one after the other, and says what must not be.
+"""The child of :mod:`tests.hostile.campaign`: reads hostile inputs one after the other, and says what must not be.
 
-A line for each input: what became of it, or what is wrong. Each is read, inspected, and written as the JSON that
-``rotorid inspect --json`` prints; some go through the command line, and some through the estimation of a model.
+A line for each input: its kind, number, seconds of work, the peak of the memory so far in kB, and what became of it or
+what is wrong. Logs are read, inspected, and written as the JSON that ``rotorid inspect --json`` prints; some go through
+the command line, and some through the estimation of a model. Documents are read as commands read them.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import json
 import random
 import resource
 import sys
+import time
 import traceback
 import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import islice
 from pathlib import Path
@@ -21,6 +24,7 @@ from unittest.mock import patch
 from tests.hostile.damage import Sample, hang_limit, incomplete, malformed
 from tests.hostile.reading_child import _extract_here
 from tests.hostile.structured import variants
+from tests.hostile.structured_documents import DOCUMENTS, Sound, hostile_documents
 
 import rotorid
 from rotorid.cli.app import main as command
@@ -35,6 +39,11 @@ from rotorid.settings.parsing import parse_segment
 MEMORY_BYTES = 3 << 30
 """Of addresses: libraries take two thirds of it (pyarrow alone reserves 1 GiB); :data:`MOST_RESIDENT_KB` bounds use."""
 MOST_RESIDENT_KB = 1 << 20
+COMMANDS = (
+    *("inspect", "review", "delay", "track", "tune", "identify --model rate.roll"),
+    *("response --inputs roll_command --outputs p", "identify --model rate.roll --segment roll:0:1e9"),
+)
+"""What a log without a clock goes through, one of them each."""
 
 
 def main(folder: Path, formats: list[str], count: int, start: int, *, whole: bool) -> None:
@@ -43,13 +52,42 @@ def main(folder: Path, formats: list[str], count: int, start: int, *, whole: boo
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     sandbox.extract = _extract_here  # type: ignore[assignment]
     warnings.simplefilter("error", RuntimeWarning)
-    inputs = ((name, number, sample) for name in formats for number, sample in enumerate(variants(name, count)))
-    for name, number, sample in islice(inputs, start, None):
+    for name, number, sample in islice(_inputs(folder, formats, count), start, None):
+        begin_s = time.process_time()
         sample.put(folder, sample.content)
-        said = verdict(sample, folder, every=1 if whole else 40, number=number)
-        if most_resident_kb() > MOST_RESIDENT_KB:
-            said = "FAULT more than 1 GiB"
-        print(f"{name} {number} {said}", flush=True)
+        if name in DOCUMENTS:
+            said = understood(DOCUMENTS[name].read, folder / sample.name)
+        else:
+            said = verdict(name, sample, folder, every=1 if whole else 40, number=number)
+        peak_kb = most_resident_kb()
+        said = "FAULT more than 1 GiB" if peak_kb > MOST_RESIDENT_KB else said
+        print(name, number, f"{time.process_time() - begin_s:.2f}", peak_kb, said, sep="\t", flush=True)
+        # The next one begins with the memory of a new program.
+        if peak_kb > MOST_RESIDENT_KB:
+            return
+
+
+def _inputs(folder: Path, kinds: Sequence[str], count: int) -> Iterator[tuple[str, int, Sample]]:
+    # What is identified once serves all kinds.
+    made = Sound(folder.parent / "sound")
+    for name in kinds:
+        samples = hostile_documents(name, count, made) if name in DOCUMENTS else variants(name, count)
+        yield from ((name, number, sample) for number, sample in enumerate(samples))
+
+
+def understood(read_document: Callable[[Path], object], path: Path) -> str:
+    """``read``, ``refused``, or ``FAULT`` and what is wrong with what was said of a document."""
+    try:
+        with hang_limit():
+            read_document(path)
+    except RotoridError as error:
+        said = str(error)
+        # The console and the JSON write controls out.
+        whole = len(said) < 4000 and error.came and "\n" not in said
+        return "refused" if whole else f"FAULT {said[:200]!r} is no sentence"
+    except BaseException:
+        return "FAULT " + " | ".join(line.strip() for line in traceback.format_exc().splitlines()[-7:])
+    return "read"
 
 
 def most_resident_kb() -> int:
@@ -61,7 +99,7 @@ def most_resident_kb() -> int:
     return int(status.partition("VmHWM:")[2].split()[0])
 
 
-def verdict(sample: Sample, folder: Path, *, every: int, number: int) -> str:
+def verdict(name: str, sample: Sample, folder: Path, *, every: int, number: int) -> str:
     """``read``, ``refused``, or ``FAULT`` and what is wrong."""
     path = folder / (sample.read or sample.name)
     mapping = folder / sample.mapping if sample.mapping else None
@@ -74,6 +112,9 @@ def verdict(sample: Sample, folder: Path, *, every: int, number: int) -> str:
                 return f"FAULT {wrong}" if wrong else "refused"
             if wrong := malformed(record):
                 return f"FAULT {wrong}"
+            if name == "clocks" and number % every == 0:
+                words = COMMANDS[number // every % len(COMMANDS)].split()
+                return spoken([*words, str(path), "--out", str(folder / "out"), "--force"])
             if number % every and number % 10:
                 return "read"
             text = to_json(inspect_document(inspect(record)))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.fleet_logs import WORK, write_logs
+from tests.hostile.interrupted import COMMANDS, MOMENTS, faults, inputs, interrupted, made
 
 from rotorid.io.tables.csv import write_csv
 
@@ -100,6 +101,25 @@ def killed(words: list[str], main: str, others: set[str], log: Path, folder: Pat
 
 def test_a_killed_run_leaves_a_whole_result(log: Path, tmp_path: Path) -> None:
     killed(*VERBS["delay"], log=log, folder=tmp_path, rounds=2, seed=0)
+
+
+FORKS = pytest.mark.skipif(sys.platform != "linux", reason="each killed run is a copy of a process")
+
+
+@FORKS
+def test_a_command_that_is_killed_or_has_no_disk_leaves_a_whole_set_or_none(log: Path, tmp_path: Path) -> None:
+    lines = interrupted(["delay", str(log)], tmp_path, killed=8, full=4)
+    assert faults(lines) == []
+    assert sum(line["ended"] == -signal.SIGKILL for line in lines) >= 5
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+@FORKS
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_killed_and_without_a_disk_at_each_call(name: str, tmp_path: Path) -> None:
+    words = made(COMMANDS[name], inputs(tmp_path / "inputs"))
+    assert faults(interrupted(words, tmp_path / "run", killed=MOMENTS, full=MOMENTS)) == []
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a run is a copy of this process")

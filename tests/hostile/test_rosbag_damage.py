@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,11 @@ KIND = "std_msgs/msg/Float64"
 
 
 def intact_bag(folder: Path, container: str) -> bytes:
+    return bag_of(folder, container, ((10**18 + k * 5_000_000, float(k)) for k in range(COUNT)))
+
+
+def bag_of(folder: Path, container: str, samples: Iterable[tuple[int, float]]) -> bytes:
+    """A bag of one topic: nanoseconds and numbers."""
     store = get_typestore(Stores.ROS1_NOETIC if container == "ros1" else Stores.ROS2_HUMBLE)
     if container == "ros1":
         path = folder / "flight.bag"
@@ -37,10 +43,10 @@ def intact_bag(folder: Path, container: str) -> bytes:
         writer = rosbag2.Writer(folder / "flight", version=9, storage_plugin=plugin)
     with writer:
         link = writer.add_connection("/rig/pitch_command", KIND, typestore=store)
-        for k in range(COUNT):
-            message = store.types[KIND](data=float(k))
+        for stamp, number in samples:
+            message = store.types[KIND](data=number)
             data = store.serialize_ros1(message, KIND) if container == "ros1" else store.serialize_cdr(message, KIND)
-            writer.write(link, 10**18 + k * 5_000_000, bytes(data))
+            writer.write(link, stamp, bytes(data))
     return path.read_bytes()
 
 
