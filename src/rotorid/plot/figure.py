@@ -10,7 +10,6 @@ from __future__ import annotations
 import base64
 import gzip
 import html
-import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ import numpy as np
 
 from rotorid.data.display import CHANNEL_WORDS, counted
 from rotorid.data.record import STANDARD_UNITS
-from rotorid.typing import FloatArray
+from rotorid.typing import FloatArray, IntArray
 
 Trace: TypeAlias = dict[str, Any]
 
@@ -141,12 +140,17 @@ def envelope(time: FloatArray, values: FloatArray, *, most: int = MOST_POINTS) -
     if values.size <= most:
         return time, values
     edges = np.linspace(0, values.size, most // 2 + 1).astype(np.int64)
-    low = np.where(np.isfinite(values), values, np.inf)
-    high = np.where(np.isfinite(values), values, -np.inf)
-    spans = itertools.pairwise(edges.tolist())
-    extremes = [(lo + int(np.argmin(low[lo:hi])), lo + int(np.argmax(high[lo:hi]))) for lo, hi in spans]
-    kept = np.sort(np.array(extremes), axis=1).ravel()
+    finite = np.isfinite(values)
+    lowest, highest = (_first_lowest(np.where(finite, side, np.inf), edges) for side in (values, -values))
+    kept = np.sort(np.stack([lowest, highest], axis=1), axis=1).ravel()
     return time[kept], values[kept]
+
+
+def _first_lowest(values: FloatArray, edges: IntArray) -> IntArray:
+    """Index of the first lowest sample of each bucket, for all buckets in one sweep."""
+    lowest = np.minimum.reduceat(values, edges[:-1])
+    at = np.flatnonzero(values == np.repeat(lowest, np.diff(edges)))
+    return np.asarray(at[np.searchsorted(at, edges[:-1])])
 
 
 def text(label: str) -> str:

@@ -222,6 +222,21 @@ class TestNumbers:
         assert np.all(np.diff(time) >= 0)
         assert np.array_equal(np.array(values)[time.astype(int)], shown)
 
+    @given(st.lists(st.sampled_from([-2.0, -0.0, 0.0, 1.0, np.nan, np.inf]), min_size=11, max_size=60))
+    def test_of_equal_extremes_of_a_bucket_the_first_is_kept(self, values: list[float]) -> None:
+        time, _ = envelope(np.arange(float(len(values))), np.array(values), most=10)
+        edges = np.linspace(0, len(values), 6).astype(int)
+        expected = []
+        for start, stop in itertools.pairwise(edges):
+            of_bucket = range(start, stop)
+            low = min(of_bucket, key=lambda k: values[k] if math.isfinite(values[k]) else math.inf)
+            high = max(of_bucket, key=lambda k: values[k] if math.isfinite(values[k]) else -math.inf)
+            expected += sorted((low, high))
+        assert time.tolist() == expected
+
+    def test_gaps_among_numbers_stay_gaps(self) -> None:
+        assert numbers(np.array([1.0, np.nan, np.inf, 2.0])) == [1.0, None, None, 2.0]
+
     @given(st.floats(-1e300, 1e300))
     def test_numbers_keep_five_digits(self, value: float) -> None:
         assert numbers(np.array([value])) == [pytest.approx(value, rel=5.1e-5)]
