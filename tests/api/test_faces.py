@@ -106,9 +106,9 @@ def test_every_package_has_a_face() -> None:
         for package in packages
         if package.startswith(("rotorid.autopilots.", "rotorid.fitting.", "rotorid.fits."))
     }
-    # What these rooms hold are names of the package; commands, their page, files of plans and the steps of ``identify``
-    # are no library.
-    inner = {"rotorid.checking", "rotorid.cli", "rotorid.fits", "rotorid.lab", "rotorid.plans"}
+    # What these rooms hold are names of the package; commands, their page, their tools, files of plans and the steps
+    # of ``identify`` are no library.
+    inner = {"rotorid.checking", "rotorid.cli", "rotorid.fits", "rotorid.lab", "rotorid.mcp", "rotorid.plans"}
     assert packages - rooms - set(PACKAGES) <= inner | {f"rotorid.io.{room}" for room in ("betaflight", "ros")}
 
 

@@ -18,10 +18,10 @@ OF_OTHER_PROGRAMS = {
     *("--force-reinstall", "--save-headers", "--msgtype", "--mjcf", "--add-param-file", "--upgrade"),
     *("--host-resolver-rules", "--print-to-pdf", "--user-data-dir", "--virtual-time-budget"),
 }
-BEGINNINGS = {"--correct"}
+BEGINNINGS = {"--correct", "--no"}
 """Of options whose end is filled in."""
 
-OF_REVIEW_ALONE = {"--baseline"}
+OF_REVIEW_ALONE = {"--baseline", "--brief"}
 """Texts that only review shows."""
 
 COMMANDS = Commands()

@@ -17,7 +17,7 @@ class BenchSettings(Settings):
     label
         What the table calls them; by default the name of the file or the function.
     seed
-        Of everything random; there is nothing.
+        As every provenance has; nothing here is random.
     """
 
     predictions: Annotated[

@@ -141,27 +141,26 @@ def step_table(
 
 
 _KEPT, _MOVING = "state kept", "velocity and rates kept"
+_OURS = ("physical.flight", "physical.flight --predictor")
 
 
 def _of_rotorid(
     flights: Sequence[BenchFlight], folds: Sequence[tuple[list[int], list[int]]], vehicle: Vehicle
 ) -> tuple[dict[str, list[StepErrorsOf]], int]:
     """Errors of the vehicle and of its predictor, and the most free numbers of a fit."""
-    found: dict[str, list[StepErrorsOf]] = {"physical.flight": []}
+    found: dict[str, list[StepErrorsOf]] = {}
     most = 0
     for number, (fitted, predicted) in enumerate(folds):
         _PROGRESS.info("fitting part %d of %d", number + 1, len(folds))
         choices = replace(vehicle.choices, skews_s=tuple(flights[place].skew_s for place in fitted))
         fit = fit_flight([flights[place].record for place in fitted], vehicle.airframe, choices)
         most = max(most, len(fit.free))
-        numbers = {"physical.flight": fit.values}
-        if fit.predictor:
-            numbers["physical.flight --predictor"] = predictor_values(fit.values, fit.predictor)
+        numbers = [fit.values, *([predictor_values(fit.values, fit.predictor)] if fit.predictor else [])]
         for place in predicted:
             flight = flights[place]
             windows = windows_of(flight)
             driven = motion(flight.record, fit.values, skew_s=flight.skew_s)
-            for label, values in numbers.items():
+            for label, values in zip(_OURS, numbers, strict=False):
                 # Of each flight its own: the battery is put in anew.
                 own = {**values, **center_of(values, vehicle.airframe, flight.record, driven)}
                 reached = predicted_steps(
@@ -174,7 +173,7 @@ def _of_rotorid(
                     starts=windows.starts,
                 )
                 found.setdefault(label, []).append(windows.scored(reached))
-    whole = len(found["physical.flight"])
+    whole = sum(len(predicted) for _, predicted in folds)
     return {label: errors for label, errors in found.items() if len(errors) == whole}, most
 
 
