@@ -170,13 +170,14 @@ def equation_error(problem: FrequencyProblem, theta: FloatArray, role: Roles) ->
     system, slopes = problem.parameter_map.tangent(theta)
     states = _states(problem, system, role.known)
     misfit = np.inf
-    for _ in range(_REWEIGHTINGS):
+    for reweighting in range(_REWEIGHTINGS):
+        if reweighting:
+            system, slopes = problem.parameter_map.tangent(np.clip(theta, lower, upper))
         error, derivative = _errors(problem, system, slopes, states, role)
         weight = 1.0 / _spread(problem, system, states, role)
         theta = theta.copy()
         step, misfit = _solve(weight * error, weight * derivative)
         theta[role.linear] += step
-        system, slopes = problem.parameter_map.tangent(np.clip(theta, lower, upper))
     return np.clip(theta, lower, upper), misfit
 
 
