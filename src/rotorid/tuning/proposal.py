@@ -478,10 +478,11 @@ def _searched(
     """The best gains of the grid that keep the limits on the draws; ``None``, with the reason, where none do."""
     ranked: list[tuple[float, _Shape]] = []
     nominal, drawn, start = plants.nominal, plants.drawn, first_counted(parts.omega_rad_s, plants.from_rad_s)
+    kept = _kept(flown.gains, wishes)
     for _, alike in groupby(_shapes(axis, flown.gains, wishes), key=lambda shape: (shape.a, shape.d)):
         shapes = list(alike)
         for shape, limits in zip(shapes, _limits_of_loops(parts, nominal, start, shapes, wishes), strict=True):
-            gains = _best_of(shape, parts, nominal, limits, flown, wishes)
+            gains = _best_of(shape, parts, nominal, limits, flown, wishes, kept)
             if gains is None:
                 continue
             rms = float(parts.attitude_rms(nominal, nominal * parts.whole(gains))[0])
@@ -493,7 +494,7 @@ def _searched(
     found: list[tuple[float, Gains]] = []
     for _, shape in ranked[:_KEPT_SHAPES]:
         (limits,) = _limits_of_loops(parts, drawn, start, [shape], wishes)
-        gains = _best_of(shape, parts, drawn, limits, flown, wishes)
+        gains = _best_of(shape, parts, drawn, limits, flown, wishes, kept)
         if gains is None:
             continue
         over = float(np.median(parts.attitude_rms(drawn, drawn * parts.whole(gains))))
@@ -581,13 +582,19 @@ def _proportionals(flown: Gains, kept: Mapping[str, float], wishes: Wishes) -> l
 
 
 def _best_of(
-    shape: _Shape, parts: ControllerParts, plants: ComplexArray, limits: _LoopLimits, flown: Judged, wishes: Wishes
+    shape: _Shape,
+    parts: ControllerParts,
+    plants: ComplexArray,
+    limits: _LoopLimits,
+    flown: Judged,
+    wishes: Wishes,
+    kept: Mapping[str, float],
 ) -> Gains | None:
     """The gains of a shape with the largest P that holds on the plants, kept ones as they are; ``None`` where none."""
-    k = _gain(parts, plants, limits, shape, flown, wishes)
+    k = _gain(parts, plants, limits, shape, flown, wishes, kept)
     if k is None:
         return None
-    return Gains(**{"P": k, "I": shape.a * k, "D": shape.d * k, "A": shape.A, **_kept(flown.gains, wishes)})
+    return Gains(**{"P": k, "I": shape.a * k, "D": shape.d * k, "A": shape.A, **kept})
 
 
 def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
@@ -604,10 +611,15 @@ def _limits(name: str, flown: float, wishes: Wishes) -> tuple[float, float]:
 
 
 class _LoopLimits(NamedTuple):
-    """Least and largest P by the limits of the loops, each of shape ``(draws,)``."""
+    """Least and largest P by the limits of the loops, each of shape ``(draws,)``.
+
+    Of a P of one, the command by the rate, shape ``(f,)``, and its noise: shapes of equal I/P and D/P share them.
+    """
 
     low: FloatArray
     high: FloatArray
+    rate: ComplexArray
+    noise: float
 
 
 def _limits_of_loops(
@@ -615,12 +627,14 @@ def _limits_of_loops(
 ) -> list[_LoopLimits]:
     """Limits of P for shapes of equal I/P and D/P: they have one rate loop, whatever their angle gain."""
     units = [Gains(P=1.0, I=a, D=d, A=A) for a, d, A, _ in shapes]
-    low, high = _bounds(plants * parts.rate(units[0]), wishes, wishes.phase_margin_rad, start=start)
+    rate, noise = parts.rate(units[0]), parts.noise(units[0])
+    low, high = _bounds(plants * rate, wishes, wishes.phase_margin_rad, start=start)
     # Most of the time of a search goes into calls for few numbers: one call for all angle gains.
     whole = np.concatenate([plants * parts.whole(unit) for unit in units])
     lows, highs = (side.reshape(len(shapes), -1) for side in _bounds(whole, wishes, None, start=start))
     return [
-        _LoopLimits(np.maximum(low, below), np.minimum(high, above)) for below, above in zip(lows, highs, strict=True)
+        _LoopLimits(np.maximum(low, below), np.minimum(high, above), rate, noise)
+        for below, above in zip(lows, highs, strict=True)
     ]
 
 
@@ -631,17 +645,16 @@ def _gain(
     shape: _Shape,
     flown: Judged,
     wishes: Wishes,
+    kept: Mapping[str, float],
 ) -> float | None:
     """The largest P of a shape that keeps the limits on the plants; ``None`` where none does."""
     a, d, A, given = shape
-    kept = _kept(flown.gains, wishes)
-    unit = Gains(P=1.0, I=a, D=d, A=A)
-    low, high = limits
+    low, high, rate, noise = limits
     apart = np.zeros(len(plants))
     if A > 0.0:
         at = np.searchsorted(parts.omega_rad_s, wishes.angle_room * A)
         column = min(at, plants.shape[1] - 1)
-        apart = 1.0 / np.abs(plants[:, column] * parts.rate(unit)[column])
+        apart = 1.0 / np.abs(plants[:, column] * rate[column])
     if len(plants) > 1:
         k_low, k_high = float(np.quantile(low, 1.0 - QUANTILE)), float(np.quantile(high, QUANTILE))
         k_apart = float(np.quantile(apart, 1.0 - QUANTILE))
@@ -654,7 +667,7 @@ def _gain(
     k_low = max(k_low, k_apart)
     k_low, k_high = k_low / wishes.gain_range[0], k_high / wishes.gain_range[1]
     least_noise = _QUIET if parts.shows_noise else 0.0
-    k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / parts.noise(unit))
+    k_high = min(k_high, max(wishes.noise * flown.noise, least_noise) / noise)
     for name, factor in (("P", 1.0), ("I", a), ("D", d)):
         least, most = _limits(name, getattr(flown.gains, name), wishes)
         if factor > 0.0 and name not in kept:

@@ -25,6 +25,7 @@ from rotorid.tuning import (
 from rotorid.tuning.proposal import (
     _bounds,
     _gain,
+    _kept,
     _limits_of_loops,
     _Shape,
     flights_between,
@@ -81,8 +82,11 @@ def test_limits_of_shapes_together_are_those_of_each() -> None:
     together = _limits_of_loops(parts, plants, 3, shapes, Wishes())
     for shape, limits in zip(shapes, together, strict=True):
         (alone,) = _limits_of_loops(parts, plants, 3, [shape], Wishes())
-        assert np.array_equal(limits, alone)
+        for shared, own in zip(limits, alone, strict=True):
+            assert np.array_equal(shared, own)
         unit = Gains(P=1.0, I=shape.a, D=shape.d, A=shape.A)
+        assert limits.noise == parts.noise(unit)
+        assert np.array_equal(limits.rate, parts.rate(unit))
         rate = _bounds(plants * parts.rate(unit), Wishes(), Wishes().phase_margin_rad, start=3)
         whole = _bounds(plants * parts.whole(unit), Wishes(), None, start=3)
         assert np.array_equal(limits.low, np.maximum(rate[0], whole[0]))
@@ -284,7 +288,7 @@ def test_a_shape_that_leaves_no_room_between_its_least_and_largest_gain_is_refus
         room = min(high[0] for _, high in pairs) / max(max(low[0] for low, _ in pairs), 1e-9)
         shape = _Shape(a, 0.015, 4.0)
         (limits,) = _limits_of_loops(parts, plants, 0, [shape], wishes)
-        answers[room] = _gain(parts, plants, limits, shape, flown, wishes)
+        answers[room] = _gain(parts, plants, limits, shape, flown, wishes, _kept(flown.gains, wishes))
     narrow = [k for room, k in answers.items() if 1.02 < room < 1.28]
     assert narrow
     assert all(k is None for k in narrow)

@@ -19,7 +19,7 @@ from rotorid.tuning import (
     loop_figures,
     uncertain_plant,
 )
-from rotorid.tuning.proposal import _broken, _broken_limit, _gain, _inside, _limits_of_loops, _Plants, _Shape
+from rotorid.tuning.proposal import _broken, _broken_limit, _gain, _inside, _kept, _limits_of_loops, _Plants, _Shape
 from rotorid.typing import ComplexArray
 
 CONTROLLER = RateController(proportional_s=0.1, derivative_s2=0.001, step_s=1.0 / 400.0)
@@ -38,7 +38,7 @@ def power_law(exponent: float, delay_s: float) -> ComplexArray:
 
 def gain_of(shape: _Shape, plants: ComplexArray, flown: Judged, wishes: Wishes) -> float | None:
     (limits,) = _limits_of_loops(PARTS, plants, 0, [shape], wishes)
-    return _gain(PARTS, plants, limits, shape, flown, wishes)
+    return _gain(PARTS, plants, limits, shape, flown, wishes, _kept(flown.gains, wishes))
 
 
 def largest(loops: ComplexArray, wishes: Wishes) -> float:
