@@ -79,10 +79,16 @@ def _has_stamps(given: Any) -> bool:
 
 
 def _numbers(values: Any, name: str, what: str) -> FloatArray:
+    """Real numbers; what an array masks is no number."""
+    kind = getattr(getattr(values, "dtype", None), "name", "") or type(values).__name__
     try:
-        return np.asarray(values, dtype=np.float64)
+        given = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+        # NumPy makes numbers of dates in whatever unit they are kept, and of complex numbers their real part.
+        if given.dtype.kind in "mMc":
+            kind = given.dtype.name
+            raise TypeError(kind)
+        return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
     except (TypeError, ValueError) as error:
-        kind = getattr(getattr(values, "dtype", None), "name", "") or type(values).__name__
         remedy = "give seconds since the start" if "time" in kind or what.startswith(CLOCK) else "leave it out"
         raise LogError(f"{name}: {what} is of type {kind}", needed="numbers", remedy=remedy) from error
 

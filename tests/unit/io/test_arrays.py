@@ -83,6 +83,7 @@ def test_the_hash_is_that_of_the_numbers() -> None:
         ({"p": P[:-1]}, r"arrays: p has 199 samples and 200 stamps; expected as many of each; give .*'p': \(time_s"),
         ({"p": ["a"] * 200}, "arrays: p is of type list; expected numbers"),
         ({"p [V]": P}, "unit 'V'"),
+        ({"p": P + 1j}, "arrays: p is of type complex128; expected numbers"),
         ({"p": np.full(200, np.nan)}, "arrays: p has no samples"),
         ({"p": np.where(TIME_S[5] == TIME_S, np.inf, P)}, "sample 6 of p is inf"),
         ({"note": P}, "has the columns time_s, note"),
@@ -91,6 +92,29 @@ def test_the_hash_is_that_of_the_numbers() -> None:
 def test_what_cannot_be_a_record_is_refused_in_words(channels: dict[str, object], words: str) -> None:
     with pytest.raises((LogError, UsageError), match=words):
         record_from_arrays(TIME_S, channels)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("unit", ["ms", "ns"])
+def test_dates_are_no_seconds(unit: str) -> None:
+    """Their numbers are milliseconds or nanoseconds."""
+    since = np.round(1e3 * TIME_S).astype("timedelta64[ms]").astype(f"timedelta64[{unit}]")
+    frames = pytest.importorskip("pandas")
+    for stamps in (since, np.datetime64("2026-01-01", unit) + since):
+        for make in (
+            lambda stamps=stamps: record_from_arrays(stamps, {"p": P}),
+            lambda stamps=stamps: record_from_arrays(TIME_S, {"p": (stamps, P)}),
+            lambda stamps=stamps: record_from_pandas(frames.DataFrame({"p": P}, index=stamps)),
+        ):
+            with pytest.raises(LogError, match=r"is of type (timedelta|datetime)64\[\w+\]; expected numbers; give sec"):
+                make()
+
+
+def test_masked_samples_are_none() -> None:
+    masked = np.ma.array(P, mask=TIME_S > 1.0)
+    record = record_from_arrays(TIME_S, {"p": masked, "q": P})
+    assert record["p"].values.size == np.count_nonzero(TIME_S <= 1.0)
+    with pytest.raises(LogError, match="of clock is nan"):
+        record_from_arrays(np.ma.array(TIME_S, mask=TIME_S > 1.0), {"p": P})
 
 
 def test_only_frames_are_frames() -> None:
