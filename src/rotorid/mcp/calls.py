@@ -336,9 +336,17 @@ def _is_result(path: Path) -> bool:
 
 
 def _place(name: str | None, folders: Folders, subject: Path, verb: str) -> Path:
-    """Where results go: the folder of that name, or a new one that is called after the log."""
+    """Where results go: a new folder of that name, or one that is called after the log; older results stay.
+
+    Raises
+    ------
+    UsageError
+        There is such a folder.
+    """
     if name is not None:
-        return folders.new(name)
+        if not folders.is_free(place := folders.new(name)):
+            raise UsageError(f"there is a folder {name!r} already", remedy="give another name for out, or none")
+        return place
     stem = re.sub(r"[^A-Za-z0-9_+-]+", "-", subject.name.partition(".")[0]).strip("-")[:40] or "log"
     names = itertools.chain([f"{stem}-{verb}"], (f"{stem}-{verb}-{number}" for number in itertools.count(2)))
-    return next(place for place in map(folders.new, names) if not place.exists())
+    return next(place for place in map(folders.new, names) if folders.is_free(place))

@@ -41,6 +41,8 @@ class Folders:
         The folders by label, without links in their paths.
     out
         Where results go.
+    taken
+        Folders there that calls which still run will write.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class Folders:
 
     roots: dict[str, Path]
     out: Path
+    taken: frozenset[Path] = frozenset()
 
     def find(self, name: str, kind: Kind = "any") -> Path:
         """The place that a call names, with its links resolved.
@@ -75,11 +78,15 @@ class Folders:
         return real
 
     def new(self, name: str) -> Path:
-        """The folder of results of a name, which may not exist yet."""
-        place = self.out / name
-        real = place.resolve()
-        self._require_inside(real, name)
+        """The folder of results of a name, which may not exist yet; a link leads to no other place."""
+        real = (self.out / name).resolve()
+        if not real.is_relative_to(self.out):
+            raise self._outside(name)
         return real
+
+    def is_free(self, place: Path) -> bool:
+        """Whether nothing is at a place for results, and no call will write there."""
+        return place not in self.taken and not place.exists()
 
     def name_of(self, path: Path) -> str:
         """A place as calls name it."""
@@ -121,7 +128,7 @@ class Folders:
 
     def _require_inside(self, real: Path, name: str) -> None:
         inside = [real.relative_to(root) for root in self.roots.values() if real.is_relative_to(root)]
-        if not any(all(not part.startswith(".") for part in path.parts) for path in inside):
+        if all(_is_hidden(path) for path in inside):
             raise self._outside(name)
 
     def _outside(self, name: str) -> UsageError:
@@ -165,7 +172,13 @@ def named_folders(given: Sequence[Path], out: Path | None = None) -> Folders:
         raise UsageError(
             f"--out {visible(str(out or place))} is outside the named folders", remedy="name its folder too"
         )
+    if all(_is_hidden(place.relative_to(root)) for root in roots.values() if place.is_relative_to(root)):
+        raise UsageError(f"--out {visible(str(out))} is hidden", needed="a folder that the tools can read again")
     return Folders(roots, place)
+
+
+def _is_hidden(inside: Path) -> bool:
+    return any(part.startswith(".") for part in inside.parts)
 
 
 def _shown(name: str) -> str:

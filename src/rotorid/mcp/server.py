@@ -14,6 +14,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from rotorid import __version__
 from rotorid.data.display import cut, visible
 from rotorid.documents.answer import AnswerDocument, SpanDocument, State
 from rotorid.errors import RotoridError, UsageError
-from rotorid.io.documents import parse_json, read_text
+from rotorid.io.documents import DocumentError, parse_json, read_text
 from rotorid.io.named import is_log
 from rotorid.lab.workers import Job, Places, Workers
 from rotorid.mcp.answers import bounded, evidence, not_checked
@@ -54,6 +55,8 @@ MOST_DOCUMENT_BYTES = 64 << 20
 _LOOKS_S = 0.25
 """Time between looks at a command that runs."""
 
+_LIST = "the tool files lists results"
+
 _LOG = logging.getLogger("rotorid.mcp")
 
 INSTRUCTIONS = (
@@ -81,6 +84,7 @@ class Desk:
         self._lock = threading.Lock()
         self._count = 0
         self._flights: dict[tuple[str, int, int], list[SpanDocument]] = {}
+        self._taken: set[Path] = set()
 
     def close(self) -> None:
         """End all commands and remove the private folder."""
@@ -90,6 +94,26 @@ class Desk:
     def cancel(self, job: Job) -> None:
         """End a command with everything that it started."""
         self._workers.cancel(job)
+
+    def command(self, call: Call) -> Command:
+        """The command of a call, whose folder no other call gets until it is released.
+
+        Raises
+        ------
+        UsageError
+            The call is refused.
+        """
+        with self._lock:
+            command = command_of(call, replace(self.folders, taken=frozenset(self._taken)))
+            if command.out is not None:
+                self._taken.add(command.out)
+        return command
+
+    def release(self, command: Command) -> None:
+        """What a command wrote stays; the name of a folder that it did not write is free again."""
+        with self._lock:
+            if command.out is not None:
+                self._taken.discard(command.out)
 
     def start(self, command: Command) -> Job:
         """Start a command in a folder of its own.
@@ -162,12 +186,17 @@ class Desk:
         Raises
         ------
         UsageError
-            There is no such result, or no such key in it.
+            There is no such result, it is damaged, or it has no such key.
         """
         folder = self.folders.find(call.result, "folder")
         main = self._main(folder, call.result)
         text = read_text(main, needed="a result", most_bytes=MOST_DOCUMENT_BYTES)
-        whole = part = parse_json(text)
+        try:
+            whole = part = parse_json(text)
+        except DocumentError as error:
+            raise UsageError(f"{main.name} of {visible(call.result)!r} is damaged: {error}") from None
+        if not isinstance(whole, dict):
+            raise UsageError(f"{main.name} of {visible(call.result)!r} is no result", remedy=_LIST)
         for name in call.key.split(".") if call.key else ():
             if isinstance(part, list) and name.isdecimal() and len(name) < 10 and int(name) < len(part):
                 part = part[int(name)]
@@ -213,7 +242,7 @@ class Desk:
     def _main(self, folder: Path, name: str) -> Path:
         found = [main for main in MAINS if (folder / main).is_file()]
         if not found:
-            raise UsageError(f"{visible(name)!r} is no result", remedy="the tool files lists results")
+            raise UsageError(f"{visible(name)!r} is no result", remedy=_LIST)
         return self.folders.find(str(folder / found[0]), "file")
 
     def _of_result(self, result: Path) -> list[SpanDocument]:
@@ -319,8 +348,11 @@ async def carry_out(
         return await to_thread.run_sync(desk.details, call)
     if isinstance(call, PictureCall):
         return await to_thread.run_sync(desk.picture, call)
-    command = await to_thread.run_sync(command_of, call, desk.folders)
-    answer = await _ended(desk, tool, command, report)
+    command = await to_thread.run_sync(desk.command, call)
+    try:
+        answer = await _ended(desk, tool, command, report)
+    finally:
+        desk.release(command)
     if answer.evidence or answer.state not in ("done", "not_enough_data"):
         return answer
     spans: list[SpanDocument] = []

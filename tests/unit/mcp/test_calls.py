@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from rotorid.errors import UsageError
-from rotorid.mcp.calls import TOOLS, command_of, parse_call
+from rotorid.mcp.calls import TOOLS, DetailsCall, command_of, parse_call
 from rotorid.mcp.folders import Folders, named_folders
-from rotorid.mcp.server import tool_schema
+from rotorid.mcp.server import Desk, tool_schema
 
 
 @pytest.fixture
@@ -73,6 +73,34 @@ def test_results_are_named_after_logs_and_numbered(folders: Folders) -> None:
     assert command_of(call, folders).out == folders.out / "b-verify-2"
     named = parse_call("verify", {"result": "model", "logs": ["b.ulg"], "out": "mine"})
     assert command_of(named, folders).out == folders.out / "mine"
+
+
+def test_no_call_writes_where_another_wrote_or_will(folders: Folders) -> None:
+    """An assistant may ask for two models of one log at once."""
+    desk = Desk(folders)
+    calls = [parse_call("identify", {"logs": ["b.ulg"], "models": ["rate.roll"], "seed": seed}) for seed in (0, 1)]
+    try:
+        first, second = (desk.command(call) for call in calls)
+        assert first.out == folders.out / "b-rate.roll"
+        assert second.out == folders.out / "b-rate.roll-2"
+        desk.release(first)
+        assert desk.command(calls[1]).out == first.out
+    finally:
+        desk.close()
+    (folders.out / "mine").mkdir(parents=True)
+    with pytest.raises(UsageError, match="there is a folder 'mine' already; give another name for out, or none"):
+        words("verify", folders, result="model", logs=["b.ulg"], out="mine")
+
+
+@pytest.mark.parametrize(("text", "sentence"), [("[1]", "is no result"), ("{", "is damaged"), ("NaN", "is damaged")])
+def test_a_result_that_is_none_is_refused_in_words(text: str, sentence: str, folders: Folders) -> None:
+    (place := folders.find("model", "folder") / "result.json").write_text(text)
+    desk = Desk(folders)
+    try:
+        with pytest.raises(UsageError, match=f"{place.name} of 'model' {sentence}"):
+            desk.details(DetailsCall(result="model"))
+    finally:
+        desk.close()
 
 
 @pytest.mark.parametrize(

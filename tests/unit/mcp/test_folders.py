@@ -69,6 +69,11 @@ def test_results_stay_inside(folders: Folders, tmp_path: Path) -> None:
     (logs / "rotorid-out" / "a").symlink_to(tmp_path)
     with pytest.raises(UsageError, match="outside the folders"):
         folders.new("a")
+    (logs / "rotorid-out" / "b").symlink_to(logs / "sub")
+    with pytest.raises(UsageError, match="outside the folders"):
+        folders.new("b")
+    with pytest.raises(UsageError, match="is hidden; expected a folder that the tools can read again"):
+        named_folders([logs], logs / ".results")
     (tmp_path / "led").mkdir()
     (tmp_path / "led" / "rotorid-out").symlink_to(logs)
     with pytest.raises(UsageError, match="outside the named folders"):
