@@ -303,9 +303,17 @@ def loop_phases(loops: ComplexArray, start: int) -> FloatArray:
     start
         Index of that frequency.
     """
-    phases = np.unwrap(np.angle(loops), axis=1)
+    phases = _unwrapped(np.angle(loops))
     turns = np.ceil((phases[:, start] - _MOST_LEAD_RAD) / (2.0 * np.pi))
     return np.asarray(phases - 2.0 * np.pi * turns[:, None])
+
+
+def _unwrapped(angles: FloatArray) -> FloatArray:
+    """Angles ``(draws, f)`` without jumps, as ``np.unwrap`` gives them: a search asks for them thousands of times."""
+    turns = np.cumsum(np.rint(np.diff(angles, axis=1) / (2.0 * np.pi)), axis=1)
+    whole: FloatArray = angles.copy()
+    whole[:, 1:] -= 2.0 * np.pi * turns
+    return whole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ import pytest
 
 from rotorid.models.controller import RateController
 from rotorid.tuning import ControllerParts, Gains, frequency_grid, loop_figures, uncertain_plant
+from rotorid.tuning.loops import loop_phases
 from rotorid.typing import ComplexArray
 
 PX4 = RateController(
@@ -153,3 +154,12 @@ def test_a_loop_whose_gain_is_one_right_at_a_point_crosses_over_there(place: flo
     found = loop_figures(omega, (crossover / (1j * omega))[None])
     assert found.crossover_rad_s[0] == pytest.approx(crossover)
     assert np.degrees(found.phase_margin_rad[0]) == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize("draws", [1, 30])
+def test_phases_of_loops_are_continuous(draws: int) -> None:
+    rng = np.random.default_rng(3)
+    phases = np.cumsum(rng.uniform(-3.0, 2.5, (draws, 150)), axis=1)
+    found = loop_phases(np.exp(1j * phases), 40)
+    np.testing.assert_allclose(np.diff(found, axis=1), np.diff(phases, axis=1), atol=1e-12)
+    assert np.all((found[:, 40] > np.radians(-330.0)) & (found[:, 40] <= np.radians(30.0)))
