@@ -5,11 +5,13 @@ its kind can save. Y and the command run in turn, so that a machine that slows d
 compared. Every command runs once unmeasured before, so that what is compiled only once is not measured; long ones do so
 on less data and are measured once. Processor time counts child processes as well.
 
-Run ``python -m benchmarks.commands``, with parts of the names of jobs to choose some of them.
+Run ``python -m benchmarks.commands``, with parts of the names of jobs to choose some of them. With ``--profile`` it
+prints where the time of each goes instead, and the largest costs of all (:mod:`benchmarks.stages`).
 """
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 import subprocess
@@ -19,9 +21,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from benchmarks import stages
+
 DATA = Path(os.environ.get("ROTORID_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")).resolve()
 START = ("-c", "import numpy, scipy.signal, scipy.optimize, pydantic, numba")
 REPEATS = 3
+DEAREST, LARGEST = 12, 10
 SKIPPED = f"whole commands skipped: there is no {DATA}; set ROTORID_DATA to the folder of flight data"
 
 
@@ -148,10 +153,42 @@ def rows(jobs: Sequence[Job] = JOBS) -> Iterator[Cost | str]:
         yield cost(job)
 
 
+def seconds_by_stage(job: Job) -> tuple[dict[str, float], dict[str, float]]:
+    """Processor time of a command by stage, and of its dearest functions, on its second run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, answer = Path(name), Path(name) / "answer.json"
+        cpu_s(_words(job.warm_up or job.command), folder)
+        cpu_s([str(Path(stages.__file__)), str(answer), *_words(job.command)[2:]], folder)
+        found = json.loads(answer.read_text(encoding="utf-8"))
+    return found["stages"], found["functions"]
+
+
+def print_profiles(jobs: Sequence[Job]) -> None:
+    """Print the stages of each command, its dearest functions, and the largest stages of all commands."""
+    if not DATA.is_dir():
+        print(SKIPPED)
+        return
+    largest: list[tuple[float, str]] = []
+    for job in jobs:
+        by_stage, by_function = seconds_by_stage(job)
+        whole_s = sum(by_stage.values())
+        print(f"\n{job.name}: {whole_s:.2f} s")
+        for costs, most in ((by_stage, len(by_stage)), (by_function, DEAREST)):
+            for name, seconds in sorted(costs.items(), key=lambda item: -item[1])[:most]:
+                print(f"  {100.0 * seconds / whole_s:5.1f} %  {name}", flush=True)
+        largest += [(100.0 * seconds / whole_s, f"{name} of {job.name}") for name, seconds in by_stage.items()]
+    print("\nLargest:")
+    for percent, name in sorted(largest, reverse=True)[:LARGEST]:
+        print(f"  {percent:5.1f} %  {name}")
+
+
 def main() -> None:
-    """Print the table."""
-    wanted = sys.argv[1:]
+    """Print the table, or with ``--profile`` where the time goes."""
+    wanted = [word for word in sys.argv[1:] if word != "--profile"]
     jobs = [job for job in JOBS if not wanted or any(part in job.name for part in wanted)]
+    if "--profile" in sys.argv:
+        print_profiles(jobs)
+        return
     print(f"{'command':52} {'CPU [s]':>8} {'Y [s]':>6} {'ratio':>7} {'bar':>6}")
     for row in rows(jobs):
         print(row, flush=True)
