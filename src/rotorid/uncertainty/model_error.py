@@ -257,12 +257,16 @@ class _Likelihood:
         return np.asarray(np.exp(logs @ self.member))
 
     def __call__(self, logs: FloatArray) -> tuple[float, FloatArray]:
+        from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+
         D = self._sizes(logs)
-        inner = np.eye(D.size) + D[:, None] * self.S * D
-        G = np.linalg.inv(inner)
-        x = G @ (D * self.y)
-        value = self.rest + 0.5 * float(np.linalg.slogdet(inner)[1]) - 0.5 * float((D * self.y) @ x)
-        return value, self.member @ (1.0 - np.diag(G) - x**2)
+        # A search comes here hundreds of times: one triangle gives determinant, solution and diagonal of the inverse.
+        root, failed = dpotrf(np.eye(D.size) + D[:, None] * self.S * D, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError("model errors of no finite size")
+        x, inverse = dpotrs(root, D * self.y, lower=1)[0], dpotri(root, lower=1)[0]
+        value = self.rest + float(np.log(np.diag(root)).sum()) - 0.5 * float((D * self.y) @ x)
+        return value, self.member @ (1.0 - np.diag(inverse) - x**2)
 
     def best(self, start: FloatArray, tops: FloatArray) -> FloatArray:
         """The most likely logarithms of the sizes up to some, from a start near them."""
