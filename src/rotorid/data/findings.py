@@ -569,7 +569,7 @@ KINDS: Mapping[str, Kind] = {
     "methods_disagree": Kind(
         "warning",
         "Two methods disagree",
-        "The value differs from that of the frequency domain by more than three standard deviations.",
+        "Two methods give values that differ by more than three standard deviations.",
     ),
     "missing_channel": Kind("warning", "Channel missing", "The log lacks a channel that is required or would help."),
     "changed_since_earlier": Kind(

@@ -4,9 +4,9 @@ The second flight is identified like the first, and its loops are compared with 
 its value lies in the predicted interval, widened by the uncertainty of the second flight.
 
 An identified plant may be wrong in both flights in the same way, and then it agrees with itself. Where a test signal
-was added at the mixer, or the set-points of the velocity moved and are logged, the whole loop is measured with it,
-without any model, and that measurement counts. Two wide
-intervals always overlap, so an uncertain figure decides nothing.
+was added at the mixer, the whole loop is measured with it, without any model, and that measurement counts; so does the
+velocity loop where its set-points moved and are logged, with the logged gains. Two wide intervals always overlap, so an
+uncertain figure decides nothing.
 """
 
 from __future__ import annotations

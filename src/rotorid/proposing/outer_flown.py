@@ -7,7 +7,7 @@ stick or path ask for, which contains no feedback. So
 
 is the loop around the place, whatever gusts do; they only widen its interval. North and east fly the same gains and are
 measured together. Neither a model of the attitude loop nor the drag is needed: what is wrong with them is not wrong
-here.
+here. The gains in :math:`C_v` are the logged ones: that these flew is assumed.
 """
 
 from __future__ import annotations
@@ -121,10 +121,10 @@ def loop_by_setpoints(own: LoggedOuter, gains: Gains, records: Sequence[FlightRe
 
 
 def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Finding]:
-    """Findings on a computed velocity loop, after a look at the loop that its own flight shows.
+    """Findings on a computed velocity loop, with a warning where the loop that its own flight shows excludes it.
 
-    Where both agree, the gains made the set-points, so that nothing is unchecked; where they exclude each other, a
-    warning says so.
+    Both loops have the logged gains, so they compare attitude loop and drag with the flight. Whether these gains made
+    the set-points stays unchecked.
 
     Parameters
     ----------
@@ -140,21 +140,18 @@ def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Fin
     loops = plant.drawn(known.omega_rad_s) * known.flown_parts.whole(known.gains)
     computed = quantities(loop_figures(known.omega_rad_s, loops, from_rad_s=plant.known_from_rad_s))
     both = [(QUANTITIES[name], computed[name], one) for name, one in measured.items() if name in computed]
-    if not both:
-        return list(findings)
-    rest = [finding for finding in findings if finding.kind != "controller_unchecked"]
     apart = [
         f"{figure.words} {figure.shown(flown)}, computed {figure.shown(from_parts)}"
         for figure, from_parts, flown in both
         if abs(flown.value - from_parts.value) > _MOST_DEVIATIONS * math.hypot(flown.std, from_parts.std)
     ]
     if not apart:
-        return rest
+        return list(findings)
     message = (
-        f"The set-points of {own.record.source.name} show another {own.axis} loop than its gains, attitude loop and "
-        f"drag give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
+        f"The set-points of {own.record.source.name} show another {own.axis} loop than its attitude loop and drag "
+        f"give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
     )
-    return [warn("controller_unexplained", own.axis, message), *rest]
+    return [warn("methods_disagree", own.axis, message), *findings]
 
 
 def _flights(record: FlightRecord) -> Iterator[Flight]:
