@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -21,7 +22,7 @@ import numpy as np
 from rotorid.data.display import cut, listed
 from rotorid.errors import LogError, RotoridError, UsageError
 from rotorid.io.documents import require_file
-from rotorid.typing import FloatArray
+from rotorid.typing import AnyArray, FloatArray
 
 
 class LoadsTask(NamedTuple):
@@ -218,9 +219,7 @@ def table_of(path: Path, columns: Sequence[str], rows: Sequence[tuple[str, int]]
             raise UsageError(f"{path.name} has {values.shape[1]} rows", needed=f"{total}: {each}")
         edges = np.cumsum([0, *(count for _, count in rows)])
         return [values[:, first:last] for first, last in pairwise(edges)]
-    flights = np.loadtxt(
-        path, dtype=str, delimiter=",", skiprows=1, usecols=names.index("flight"), ndmin=1, encoding="utf-8"
-    )
+    flights = np.char.strip(_cells(path, [names.index("flight")], str)[0])
     found = []
     for name, count in rows:
         own = values[:, flights == name]
@@ -232,7 +231,12 @@ def table_of(path: Path, columns: Sequence[str], rows: Sequence[tuple[str, int]]
 
 def _header(path: Path) -> list[str]:
     with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
-        cells = next(csv.reader(file), [])
+        try:
+            cells = next(csv.reader(file), [])
+        except csv.Error as error:
+            raise UsageError(
+                f"{path.name} has no header ({_words(error)})", needed="names in its first line"
+            ) from error
     return [cell.partition("[")[0].strip() for cell in cells]
 
 
@@ -240,9 +244,19 @@ def _first_and_last(columns: Sequence[str]) -> str:
     return listed(columns) if len(columns) <= 8 else f"{columns[0]}, {columns[1]}, …, {columns[-1]}"
 
 
+def _cells(path: Path, places: Sequence[int], kind: type[Any]) -> AnyArray:
+    """Columns behind the header, shape ``(columns, rows)``; cells may be in quotes."""
+    with warnings.catch_warnings():
+        # Of a file without rows; their number is looked at.
+        warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
+        return np.loadtxt(
+            path, kind, delimiter=",", skiprows=1, usecols=places, ndmin=2, encoding="utf-8", quotechar='"'
+        ).T
+
+
 def _numbers(path: Path, places: Sequence[int], columns: Sequence[str]) -> FloatArray:
     try:
-        values = np.loadtxt(path, delimiter=",", skiprows=1, usecols=list(places), ndmin=2, encoding="utf-8").T
+        values = _cells(path, places, float)
     except (ValueError, IndexError, UnicodeDecodeError) as error:
         raise UsageError(
             f"{path.name} has a cell that is no number ({_words(error)})", needed="a number in each cell"

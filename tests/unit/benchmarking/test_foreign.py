@@ -32,6 +32,12 @@ def test_a_column_flight_says_whose_rows_they_are(tmp_path: Path) -> None:
     assert (one.tolist(), two.tolist()) == ([[1.0, 2.0]], [[3.0]])
 
 
+@pytest.mark.parametrize("text", ['"flight","a"\n"one",1\n"one",2\n"two",3\n', "flight, a\none ,1\n one,2\ntwo,3\n"])
+def test_names_of_flights_may_be_quoted_or_have_spaces(tmp_path: Path, text: str) -> None:
+    one, two = table_of(written(tmp_path, text), ("a",), ROWS)
+    assert (one.tolist(), two.tolist()) == ([[1.0, 2.0]], [[3.0]])
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -41,6 +47,8 @@ def test_a_column_flight_says_whose_rows_they_are(tmp_path: Path) -> None:
         ("a\n1\nnan\n3\n", "mine.csv has no number in column a of row 3; expected a finite number in each cell"),
         ("a\n1\nx\n3\n", "mine.csv has a cell that is no number"),
         ("", "mine.csv has no column a"),
+        ("flight,a\n", "mine.csv has 0 rows of one; expected 2"),
+        (f"a,{'b' * 140_000}\n", "mine.csv has no header (Error: field larger than field limit"),
     ],
 )
 def test_a_wrong_file_is_refused_in_words(tmp_path: Path, text: str, words: str) -> None:
