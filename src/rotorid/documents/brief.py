@@ -274,9 +274,7 @@ def _name(text: str) -> str:
 
 def _smaller(document: BriefDocument) -> BriefDocument | None:
     """A brief whose largest list has lost its last entry, which is counted; ``None`` where all lists are empty."""
-    lists = [
-        name for name in ("parts", "models", "findings", "cannot_tell", "next_commands") if getattr(document, name)
-    ]
+    lists = [name for name in _SHORTENED if getattr(document, name)]
     if not lists:
         return None
     largest = max(lists, key=lambda name: len(document.model_dump_json(include={name})))
