@@ -30,7 +30,7 @@ from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
 from rotorid.models.autopilots.outer import OUTER_LOOPS
 from rotorid.proposing.outer import flown_outer
-from rotorid.proposing.outer_flown import LoopSeen, loop_by_setpoints
+from rotorid.proposing.outer_flown import LoopSeen, exclude_each_other, loop_by_setpoints
 from rotorid.proposing.proposal import AxisTuning, tune
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
@@ -49,9 +49,6 @@ differently. Good flights give a crossover to 4 % and a peak to 3 %."""
 
 WIDEST_PHASE_DEG = 6.0
 """The same for a phase margin; good flights give it to 2.5 degrees."""
-
-_MOST_DEVIATIONS = 3.0
-"""Standard deviations between two estimates of a figure beyond which one is wrong; three figures are compared."""
 
 _PEAK_SLACK = 1.03
 """Sensitivity peak relative to the requested limit, up to which a loop counts as robust."""
@@ -267,7 +264,9 @@ def _measured(axis: LoopName, logs: Sequence[FlightRecord]) -> dict[str, Quantit
 def _checked(axis: LoopName, before: Foretold, now: AxisTuning, injected: Mapping[str, Quantity]) -> CheckedAxis:
     judged = now.proposal.flown
     rate, whole = (shown_quantities(loop, now.plant) for loop in (judged.rate, judged.whole))
-    contradicted = any(_contradict(whole[name], measured) for name, measured in injected.items() if name in whole)
+    contradicted = any(
+        exclude_each_other(whole[name], measured) for name, measured in injected.items() if name in whole
+    )
     # A plant that the test signal confirms at the crossover may say what its peak is a little above its band.
     peak_measured = "crossover_rad_s" in injected or _band_reaches_peak(now)
     figures = [
@@ -329,11 +328,6 @@ def _narrow(name: str, quantity: Quantity) -> bool:
 
 def _band_reaches_peak(now: AxisTuning) -> bool:
     return now.plant.band_rad_s[1] >= BAND_OVER_CROSSOVER * now.proposal.flown.rate.usual_crossover_rad_s
-
-
-def _contradict(quantity: Quantity, other: Quantity) -> bool:
-    """Whether two estimates of one figure exclude each other."""
-    return abs(quantity.value - other.value) > _MOST_DEVIATIONS * math.hypot(quantity.std, other.std)
 
 
 def _verdict(figures: Sequence[ComparedFigure], robustness: float, *, unstable: bool) -> str:

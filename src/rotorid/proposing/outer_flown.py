@@ -143,7 +143,7 @@ def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Fin
     apart = [
         f"{figure.words} {figure.shown(flown)}, computed {figure.shown(from_parts)}"
         for figure, from_parts, flown in both
-        if abs(flown.value - from_parts.value) > _MOST_DEVIATIONS * math.hypot(flown.std, from_parts.std)
+        if exclude_each_other(flown, from_parts)
     ]
     if not apart:
         return list(findings)
@@ -152,6 +152,18 @@ def checked_by_flight(known: KnownAxis, findings: Sequence[Finding]) -> list[Fin
         f"give: {'; '.join(apart)}. One of these is wrong, so fly new gains of {own.axis} gently."
     )
     return [warn("methods_disagree", own.axis, message), *findings]
+
+
+def exclude_each_other(figure: Quantity, other: Quantity) -> bool:
+    """Whether two estimates of one figure differ by more than both errors explain.
+
+    Examples
+    --------
+    >>> crossover = Quantity.normal(10.0, 0.3, "rad/s")
+    >>> [exclude_each_other(crossover, Quantity.normal(value, 0.4, "rad/s")) for value in (11.0, 12.0)]
+    [False, True]
+    """
+    return abs(figure.value - other.value) > _MOST_DEVIATIONS * math.hypot(figure.std, other.std)
 
 
 def _flights(record: FlightRecord) -> Iterator[Flight]:
