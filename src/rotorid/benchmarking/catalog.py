@@ -43,6 +43,9 @@ class Metric:
     shown: str = ""
 
 
+STEPS = 50
+"""Steps over which states are predicted."""
+
 LOADS: tuple[Metric, ...] = (
     Metric(name="force", words="force", unit="N", shown="N"),
     Metric(name="force_xy", words="force xy", unit="N", shown="N"),

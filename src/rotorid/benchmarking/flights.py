@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rotorid.benchmarking.catalog import Benchmark
+from rotorid.benchmarking.catalog import STEPS, Benchmark
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
@@ -191,10 +191,12 @@ def read_flights(benchmark: Benchmark, folder: Path, *, sandbox: bool = True) ->
     for name, path in files_of(benchmark, folder).items():
         _PROGRESS.info("reading %s", path.name)
         try:
-            found += _READ[benchmark.name](name, path, sandbox)
+            own = _READ[benchmark.name](name, path, sandbox)
+            _require_steps(benchmark, own)
         except (InsufficientDataError, LogError) as error:
             findings.append(warn("not_verified", name, f"{name} is left out: {error.reason}"))
             continue
+        found += own
         usable[name] = path
         findings += _of_hash(benchmark, name, path)
     if benchmark.name == "nanobench" and len(usable) > 1:
@@ -207,6 +209,13 @@ def read_flights(benchmark: Benchmark, folder: Path, *, sandbox: bool = True) ->
             findings=findings,
         )
     return Flights(tuple(found), tuple(findings))
+
+
+def _require_steps(benchmark: Benchmark, flights: Sequence[BenchFlight]) -> None:
+    """Refuse flights without a sample from which states can be predicted."""
+    longest = max((flight.record.samples for flight in flights), default=0)
+    if benchmark.kind == "steps" and longest <= STEPS:
+        raise InsufficientDataError(f"{longest} samples of it can be used", needed=f"more than {STEPS}")
 
 
 def _of_hash(benchmark: Benchmark, name: str, path: Path) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.benchmarking.catalog import Benchmark
+from rotorid.benchmarking.catalog import STEPS, Benchmark
 from rotorid.benchmarking.flights import BenchFlight, Vehicle
 from rotorid.benchmarking.foreign import Foreign, StepsTask, called, table_of
 from rotorid.benchmarking.scores import BenchRow, StepErrorsOf, step_rows
@@ -40,7 +40,6 @@ from rotorid.verification.multistep import (
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
-STEPS = 50
 _STATES = ("x", "y", "z", "vx", "vy", "vz", "rx", "ry", "rz", "wx", "wy", "wz")
 COLUMNS = tuple(f"{name}_pred_h{step}" for step in range(1, STEPS + 1) for name in _STATES)
 """Of a CSV file of predictions, as the authors of IDSIA's benchmark write them: forward, left, up; z up; rotation

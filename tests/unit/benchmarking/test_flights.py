@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from tests.unit.benchmarking.made_flights import neurobem_folder
 
+import rotorid.benchmarking.flights as module
 from rotorid.benchmarking.catalog import BENCHMARKS, benchmark_named
 from rotorid.benchmarking.flights import BenchFlight, files_of, folds, read_flights
 from rotorid.errors import InsufficientDataError, UsageError
@@ -65,6 +67,24 @@ def test_a_file_that_is_not_the_published_one_is_named(tmp_path: Path) -> None:
     messages = [finding.message for finding in found.findings]
     assert "may differ from the published file: its hash is not known" in messages[0]
     assert "20210223104803seg2 differs from the published file" in messages[1]
+
+
+def test_flights_that_are_shorter_than_a_prediction_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(name: str, path: Path, sandbox: bool) -> list[BenchFlight]:
+        flight = BenchFlight.__new__(BenchFlight)
+        object.__setattr__(flight, "record", SimpleNamespace(samples=50))
+        return [flight]
+
+    monkeypatch.setitem(module._READ, "idsia", read)
+    (tmp_path / "square_20251017_run1.csv").write_bytes(b"")
+    with pytest.raises(InsufficientDataError, match="contains 0 usable flights of idsia") as error:
+        read_flights(BENCHMARKS["idsia"], tmp_path)
+    (finding,) = error.value.findings
+    assert finding.message == (
+        "square_20251017_run1 is left out: 50 samples of it can be used; this needs more than 50."
+    )
 
 
 def test_one_flight_is_too_few(tmp_path: Path) -> None:
