@@ -183,6 +183,8 @@ class HelpfulCommand(TyperCommand):
                 if name in (*option.opts, *option.secondary_opts)
             ]
             options += [param for param in params if {"--help-all", "--help"} & {*param.opts}]
+        elif len(options) <= _MANY:
+            options = [option for option in options if "--help-all" not in option.opts]  # all are here already
         sections: dict[str, list[Any]] = {"Arguments": [p for p in params if p.param_type_name == "argument"]}
         for option in options:
             heading = getattr(option, "rich_help_panel", None) if len(options) > _MANY else None

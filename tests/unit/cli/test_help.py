@@ -64,6 +64,14 @@ def test_help_all_lists_every_option(name: str) -> None:
     assert set(re.findall(r"--[\w-]+", ran.out)) >= options_of(name)
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_offers_all_options_only_where_it_leaves_some_out(name: str) -> None:
+    text = rotorid(name, "--help").out
+    shown = set(re.findall(r"^ +(?:-\w, )?(--[\w-]+)", text, flags=re.MULTILINE))
+    every = set(re.findall(r"^ +(?:-\w, )?(--[\w-]+)", rotorid(name, "--help-all").out, flags=re.MULTILINE))
+    assert ("--help-all" in shown) == bool(every - shown - {"--help-all"})
+
+
 def test_the_usage_line_says_that_a_log_is_enough() -> None:
     assert rotorid("--help").out.startswith("Usage: rotorid LOG...")
 
