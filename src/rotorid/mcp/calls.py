@@ -197,7 +197,13 @@ def parse_call(tool: str, arguments: Mapping[str, Any]) -> Call:
     try:
         return TOOLS[tool].model_validate(arguments)
     except ValidationError as error:
-        raise UsageError(f"{tool}: {first_wrong(error.errors())}"[:500]) from None
+        first = error.errors()[0]
+        if first["type"] == "extra_forbidden" and len(first["loc"]) == 1:
+            choices = TOOLS[tool].model_fields
+            if not choices:
+                raise UsageError(f"{tool} takes no choices", remedy="call it without") from None
+            raise unknown_name(f"choice of {tool}", str(first["loc"][0])[:80], choices) from None
+        raise UsageError(f"{tool}: {first_wrong([first])}"[:500]) from None
     except RecursionError:
         raise UsageError(f"{tool}: the choices are nested too deeply") from None
 
