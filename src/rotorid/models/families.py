@@ -364,7 +364,12 @@ def family_of(model: str | Path | Structure) -> Family:
     """
     if isinstance(model, NonlinearStructure):
         return LARGE_MOTION
-    name = str(model) if isinstance(model, str | Path) else model.name
+    name = str(model) if isinstance(model, str | Path) else getattr(model, "name", None)
+    if name is None:
+        raise UsageError(
+            f"a model of type {type(model).__name__} is no model",
+            needed="one name such as rate.roll, a TOML file or a structure",
+        )
     return next(family for family in FAMILIES if family.has(name))
 
 

@@ -68,3 +68,11 @@ def test_models_with_channels_of_their_own_are_made_by_their_name() -> None:
         if family.make is not None and family.channels == "own":
             for name in family.names:
                 assert family.make(name, Channels()).name == name
+
+
+@pytest.mark.parametrize("wrong", [3, None, ["rate.roll"]])
+def test_what_is_no_model_is_refused_in_words(wrong: object) -> None:
+    with pytest.raises(
+        UsageError, match=rf"type {type(wrong).__name__} is no model; expected one name such as rate.roll"
+    ):
+        family_of(wrong)  # type: ignore[arg-type]
