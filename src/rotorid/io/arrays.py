@@ -46,6 +46,8 @@ def record_from_arrays(
     clock = _numbers(time_s, name, CLOCK)
     if clock.ndim != 1:
         raise LogError(f"{name}: {CLOCK} has {clock.ndim} dimensions", needed="one stamp for each sample")
+    if not isinstance(channels, Mapping):
+        raise LogError(f"{name}: the channels are of type {type(channels).__name__}", needed="a dictionary of names")
     found: Scattered = {}, {}
     for key, given in channels.items():
         own, samples = cast("tuple[ArrayLike, ArrayLike]", given) if _has_stamps(given) else (clock, given)

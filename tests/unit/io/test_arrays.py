@@ -82,6 +82,8 @@ def test_the_hash_is_that_of_the_numbers() -> None:
     [
         ({"p": P[:-1]}, r"arrays: p has 199 samples and 200 stamps; expected as many of each; give .*'p': \(time_s"),
         ({"p": ["a"] * 200}, "arrays: p is of type list; expected numbers"),
+        ({"p": P * 1j}, "arrays: p is of type complex128; expected numbers"),
+        ([P], "the channels are of type list; expected a dictionary"),
         ({"p [V]": P}, "unit 'V'"),
         ({"p": P + 1j}, "arrays: p is of type complex128; expected numbers"),
         ({"p": np.full(200, np.nan)}, "arrays: p has no samples"),
@@ -89,7 +91,7 @@ def test_the_hash_is_that_of_the_numbers() -> None:
         ({"note": P}, "has the columns time_s, note"),
     ],
 )
-def test_what_cannot_be_a_record_is_refused_in_words(channels: dict[str, object], words: str) -> None:
+def test_what_cannot_be_a_record_is_refused_in_words(channels: object, words: str) -> None:
     with pytest.raises((LogError, UsageError), match=words):
         record_from_arrays(TIME_S, channels)  # type: ignore[arg-type]
 
