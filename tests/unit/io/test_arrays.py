@@ -112,11 +112,11 @@ def test_dates_are_no_seconds(unit: str) -> None:
 
 
 def test_masked_samples_are_none() -> None:
-    masked = np.ma.array(P, mask=TIME_S > 1.0)
+    masked = np.ma.MaskedArray(P, mask=TIME_S > 1.0)
     record = record_from_arrays(TIME_S, {"p": masked, "q": P})
     assert record["p"].values.size == np.count_nonzero(TIME_S <= 1.0)
     with pytest.raises(LogError, match="of clock is nan"):
-        record_from_arrays(np.ma.array(TIME_S, mask=TIME_S > 1.0), {"p": P})
+        record_from_arrays(np.ma.MaskedArray(TIME_S, mask=TIME_S > 1.0), {"p": P})
 
 
 def test_only_frames_are_frames() -> None:
