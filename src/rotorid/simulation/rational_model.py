@@ -19,12 +19,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.errors import UsageError
+from rotorid.errors import UsageError, unknown_name
 from rotorid.models.state_space import StateSpace
 from rotorid.simulation.linear import discretize
 from rotorid.typing import ComplexArray, FloatArray
@@ -101,7 +101,7 @@ def rational(
     Raises
     ------
     UsageError
-        The order or the rate is out of range.
+        The order or the rate is out of range, or there is no such treatment of delays.
     ModelError
         The model has no proper state space.
 
@@ -116,6 +116,8 @@ def rational(
     >>> rational(lag, sample_rate_hz=100.0, states=["x"]).states
     ('x', 'u1_before_1', 'u1_before_2')
     """
+    if delays not in get_args(Delays):
+        raise unknown_name("treatment of delays", str(delays), get_args(Delays))
     if not 1 <= pade_order <= _HIGHEST_ORDER:
         raise UsageError(f"the Padé order {pade_order} is out of range", needed=f"1 to {_HIGHEST_ORDER}")
     if sample_rate_hz is not None and not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):

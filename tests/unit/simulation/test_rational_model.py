@@ -127,3 +127,8 @@ def test_orders_and_rates_have_their_range() -> None:
         rational(system(), pade_order=0)
     with pytest.raises(UsageError, match="sample rate -1 Hz"):
         rational(system(), sample_rate_hz=-1.0)
+
+
+def test_an_unknown_treatment_of_delays_is_refused() -> None:
+    with pytest.raises(UsageError, match="unknown treatment of delays 'pade'; expected states, lag or none"):
+        rational(system(), delays="pade")  # type: ignore[arg-type]
