@@ -193,6 +193,12 @@ def load_gains(path: Path | str) -> GainFile:
         There is no such file, it is too large, or it contains no gains.
     """
     place = Path(path)
+    if "=" in place.name and not place.exists():
+        raise UsageError(
+            f"{place.name!r} is no file",
+            needed="a file of gains",
+            remedy="write lines such as roll: P=0.1 D=0.002 into it",
+        )
     data = read_bytes(place, needed="a file of gains", most_bytes=LARGEST_BYTES)
     return read_gains(
         data.decode("utf-8", errors="replace"), name=place.name, include=partial(_included_preset, place.resolve())

@@ -314,3 +314,8 @@ def test_gains_of_another_autopilot_are_refused_before_the_long_work() -> None:
     """A log without a flight: what fails first is the file."""
     with pytest.raises(UsageError, match=r"x contains gains of ArduPilot, but flight.log is from PX4"):
         tune(records=log(PX4), judge=read_gains("ATC_RAT_RLL_P,0.1", name="x"))
+
+
+def test_gains_in_place_of_their_file_are_asked_for_as_a_file() -> None:
+    with pytest.raises(UsageError, match=r"'P=0.1 D=0.002' is no file; expected a file of gains; write lines"):
+        load_gains("P=0.1 D=0.002")
