@@ -19,7 +19,14 @@ def mcp_command(
     ] = None,
 ) -> None:
     """Offer inspect, review, identify, tune, verify and export as tools to an assistant (stdio)."""
+    from rotorid.io.confinement import can_confine_files
     from rotorid.mcp.folders import named_folders
     from rotorid.mcp.server import serve
 
+    if not can_confine_files():
+        # Standard output belongs to the protocol.
+        typer.echo(
+            "This system cannot keep commands inside folders (Linux 5.19 or later can); paths alone are checked.",
+            err=True,
+        )
     serve(named_folders(folders, out))

@@ -106,10 +106,16 @@ def confine_files(*, readable: Sequence[Path], writable: Sequence[Path]) -> bool
         Whether this is active: on Linux from 5.19, whose Landlock lets a folder of results take its place.
     """
     libc = _libc()
-    if libc is None or int(libc.syscall(_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(1))) < _MOVES_SINCE:
+    if libc is None or not can_confine_files():
         return False
     # A child that it starts, such as a foreign parser, has its unused streams there.
     return libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 and _landlock(libc, readable, [*writable, Path(os.devnull)])
+
+
+def can_confine_files() -> bool:
+    """Whether :func:`confine_files` can do what it says on this system; asking changes nothing."""
+    libc = _libc()
+    return libc is not None and int(libc.syscall(_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(1))) >= _MOVES_SINCE
 
 
 def _limit(limits: Mapping[str, int]) -> bool:
