@@ -509,10 +509,11 @@ def _tuned(
     thrust: ThrustLinearization | None,
     *,
     angle_1_s: float | None = None,
+    held: str = "",
 ) -> AxisTuning:
     """One axis, see :func:`_axis`; a failure names it, but for what was asked wrongly."""
     try:
-        return _axis(axis, known, settings, thrust, angle_1_s=angle_1_s)
+        return _axis(axis, known, settings, thrust, angle_1_s=angle_1_s, held=held)
     except UsageError:
         raise
     except Exception as failure:
@@ -529,10 +530,14 @@ def _axes(
     """
     sharing = [axis for axis, known_axis in known.items() if (angle := _angle(known_axis)) is not None and angle.shared]
     flown = known[sharing[0]].gains.A if sharing else 0.0
-    alone = flown if len(sharing) == 1 else None
+    alone, held = flown if len(sharing) == 1 else None, ""
+    if alone is not None and (shared := _angle(known[sharing[0]])) is not None:
+        held = f"{shared.name} stays, as roll and pitch share it and {sharing[0]} alone was tuned"
     axes = {
-        axis: _tuned(axis, known_axis, settings, thrust, angle_1_s=alone if axis in sharing else None)
-        for axis, known_axis in known.items()
+        axis: _tuned(axis, one, settings, thrust, angle_1_s=alone, held=held)
+        if axis in sharing
+        else _tuned(axis, one, settings, thrust)
+        for axis, one in known.items()
     }
     proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
     for value in (min(proposed.values(), default=flown), flown):
@@ -566,8 +571,12 @@ def _axis(
     thrust: ThrustLinearization | None,
     *,
     angle_1_s: float | None = None,
+    held: str = "",
 ) -> AxisTuning:
-    """One axis, from its flown loop to the effect of the proposed gains, with an angle gain that may be given."""
+    """One axis, from its flown loop to the effect of the proposed gains, with an angle gain that may be given.
+
+    ``held`` says why it is, beside what limits the gains.
+    """
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
     omega, drawn = known.omega_rad_s, known.drawn()
     ends = at_ends(controller, parts)
@@ -581,6 +590,8 @@ def _axis(
         ends=tuple(ends.values()),
         wishes=wishes,
     )
+    if held:
+        found = replace(found, reasons=(*found.reasons, held))
     if found.changed:
         found = replace(found, proposed=_scores(known, parts, rounded(controller, found.proposed.gains)))
     elif then is not None or known.flown_plant is not None:

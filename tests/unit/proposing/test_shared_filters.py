@@ -175,7 +175,10 @@ def test_two_axes_fly_one_angle_gain() -> None:
 def chosen(free: dict[Axis, float], *, refused: tuple[Axis, ...] = ()) -> tuple[dict[str, float], list[str]]:
     """Angle gains of axes that would have some of their own; refused ones find gains for no other than the flown."""
 
-    def axis_of(axis: Axis, one: KnownAxis, *_: object, angle_1_s: float | None = None) -> SimpleNamespace:
+    def axis_of(
+        axis: Axis, one: KnownAxis, *_: object, angle_1_s: float | None = None, held: str = ""
+    ) -> SimpleNamespace:
+        assert bool(held) == (len(free) == 1)
         given = free[axis] if angle_1_s is None else angle_1_s
         gains = replace(one.gains, A=one.gains.A if axis in refused and angle_1_s is not None else given)
         return SimpleNamespace(proposal=SimpleNamespace(proposed=SimpleNamespace(gains=gains)))
