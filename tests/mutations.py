@@ -234,6 +234,7 @@ TABLE = (
         uncertainty__cap=("\n_LARGEST_SHARE = 3.0", "\n_LARGEST_SHARE = 30.0"),
         uncertainty__largest=("LARGEST_MODEL_ERROR = 0.005, 0.3", "LARGEST_MODEL_ERROR = 0.005, 3.0"),
         uncertainty__usual=("\nUSUAL_MODEL_ERROR = 0.003", "\nUSUAL_MODEL_ERROR = 0.0003"),
+        uncertainty__correlations=("\n_OVERSTATED = 0.2", "\n_OVERSTATED = 0.0"),
     ),
     *_guards(
         "simulation/stitched_kernels.py",

@@ -136,3 +136,27 @@ def test_half_of_what_no_residual_shows_is_below_the_usual_size() -> None:
     """Errors of 300 % leave what is usual of model errors: 0.3 %, and the tail of larger ones."""
     loud = 3.0 * np.random.default_rng(4).standard_normal(2 * OMEGA.size)
     assert 0.005 < size(loud, 3.0) < 0.03
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_that_are_less_correlated_than_stated_are_no_model_error(seed: int) -> None:
+    """Their difference is larger than stated, and no smooth error of one response alone."""
+    omega, stated, level = np.geomspace(1.0, 50.0, 16), 0.9, 0.1
+    count = 4 * omega.size
+    pair = response_error_shapes(
+        np.tile(omega, 2),
+        np.zeros(2 * omega.size, dtype=np.int64),
+        np.repeat([0, 1], omega.size),
+        np.ones(count),
+        outputs=["ax"],
+        inputs=["pitch", "roll"],
+        clock_error_s=None,
+    )
+    correlation = np.kron(np.eye(2), np.kron((1.0 - stated) * np.eye(2) + stated, np.eye(omega.size)))
+    given = (
+        level * np.random.default_rng(seed).standard_normal(count),
+        np.zeros((count, 0)),
+        level**2 * correlation,
+    )
+    said = model_error_evidence(model_error(pair, *given), *given, pair.names, asked=0.1)
+    assert max(one.found for one in said.values()) < 3.0
