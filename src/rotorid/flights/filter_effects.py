@@ -28,7 +28,7 @@ from rotorid.flights.controllers import LogControllers, controllers_of
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.models.controller import RateController
 from rotorid.signal.autopilot_filters import controller_filters
-from rotorid.tuning.noise import RateNoise
+from rotorid.tuning.noise import RateNoise, density_behind
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
 PARTS = 10
@@ -74,30 +74,42 @@ def filtered_density(record: FlightRecord, then: FlightRecord, noise: GyroNoise)
         A notch that changes follows something that is not in the log.
     """
     omega = noise.omega_rad_s
-    ratio = (
-        np.abs(_static_ratio(record, then, omega))[None] ** 2 * np.abs(_moving_ratio(record, then, noise, omega)) ** 2
-    )
+    pairs = (_static(record, then, omega), _moved(record, then, noise, omega))
+    before, after = (np.atleast_2d(static * moved) for static, moved in zip(*pairs, strict=True))
     parts = np.array_split(np.arange(noise.time_s.size), PARTS)
-    return {
-        name: np.stack([(rows[part] * ratio[part if len(ratio) > 1 else [0]]).mean(axis=0) for part in parts])
-        for name, rows in noise.density.items()
-    }
+    found = {name: density_behind(rows, before, after) for name, rows in noise.density.items()}
+    return {name: np.stack([rows[part].mean(axis=0) for part in parts]) for name, rows in found.items()}
+
+
+def _static(record: FlightRecord, then: FlightRecord, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Filters that stay where they are, of both records, shape ``(f,)`` each."""
+    before, after = (combined_response(controller_filters(one), omega) for one in (record, then))
+    return before, after
+
+
+def _moved(
+    record: FlightRecord, then: FlightRecord, noise: GyroNoise, omega: FloatArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Moving notches of both records, shape ``(n, f)`` each, or ``(f,)`` of nothing where none changes."""
+    before, after = (_moving(one, noise) for one in (record, then))
+    if before.settings == after.settings:
+        none = np.ones(omega.size, dtype=np.complex128)
+        return none, none
+    if unknown := before.unknown or after.unknown:
+        raise InsufficientDataError(unknown, remedy=LOG_SPEEDS)
+    return before.response(omega), after.response(omega)
 
 
 def _static_ratio(record: FlightRecord, then: FlightRecord, omega: FloatArray) -> ComplexArray:
-    before, after = (combined_response(controller_filters(one), omega) for one in (record, then))
+    """The filters of another record that stay over the flown ones, at frequencies of the loop, shape ``(f,)``."""
+    before, after = _static(record, then, omega)
     return np.asarray(after / np.where(np.abs(before) < _LEAST_GAIN, _LEAST_GAIN, before))
 
 
 def _moving_ratio(record: FlightRecord, then: FlightRecord, noise: GyroNoise, omega: FloatArray) -> ComplexArray:
     """Moving notches of another record over the flown ones, shape ``(n, f)``, or ``(1, f)`` where none changes."""
-    before, after = (_moving(one, noise) for one in (record, then))
-    if before.settings == after.settings:
-        return np.ones((1, omega.size), dtype=np.complex128)
-    if unknown := before.unknown or after.unknown:
-        raise InsufficientDataError(unknown, remedy=LOG_SPEEDS)
-    over, under = after.response(omega), before.response(omega)
-    return np.asarray(over / np.where(np.abs(under) < _LEAST_GAIN, _LEAST_GAIN, under))
+    before, after = _moved(record, then, noise, omega)
+    return np.atleast_2d(after / np.where(np.abs(before) < _LEAST_GAIN, _LEAST_GAIN, before))
 
 
 def moving_notches_change(record: FlightRecord, then: FlightRecord) -> bool:
@@ -164,8 +176,8 @@ def noise_behind(noise: RateNoise, record: FlightRecord, then: FlightRecord) -> 
     """
     if moving_notches_change(record, then):
         raise InsufficientDataError("a notch that moves in flight changes", remedy="give the log with the result")
-    ratio = np.abs(_static_ratio(record, then, noise.omega_rad_s))
-    return replace(noise, density=noise.density * ratio**2)
+    before, after = _static(record, then, noise.omega_rad_s)
+    return replace(noise, density=density_behind(noise.density, before, after))
 
 
 def rate_densities(records: Sequence[FlightRecord], commands: Sequence[str]) -> Mapping[str, FloatArray]:

@@ -10,8 +10,42 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.models.controller import RateController
 from rotorid.typing import ComplexArray, FloatArray
 
-_LEAST_GAIN = 1e-4
-"""Least response of a filter that is taken off."""
+_SHOWN = 0.03
+"""Least response of a filter behind which a log still shows noise: below, its digits are most of what is left."""
+
+
+def density_behind(density: FloatArray, before: ComplexArray, after: ComplexArray) -> FloatArray:
+    """Density of a noise behind other filters than those that it passed.
+
+    Where the flown filters left next to nothing and the others leave more, the noise in front of them is taken from the
+    nearest frequencies that are shown: a log divided by almost nothing is its rounding, at the Nyquist frequency of a
+    digital low-pass a thousand times the noise.
+
+    Parameters
+    ----------
+    density
+        Behind the flown filters, shape ``(..., f)``.
+    before, after
+        Responses of the flown and the other filters, of a shape that goes with it.
+
+    Examples
+    --------
+    >>> flown, off = np.array([1.0, 0.5, 1e-3]), np.ones(3)
+    >>> density_behind(np.array([4.0, 1.0, 0.1]), flown, off).round(3).tolist()
+    [4.0, 4.0, 4.0]
+    """
+    shape = np.broadcast_shapes(density.shape, before.shape, after.shape)
+    given, had, has = (
+        np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (density, np.abs(before), np.abs(after))
+    )
+    shown, less = had >= _SHOWN, has <= had
+    found = given * np.divide(has, had, out=np.ones(given.shape), where=had > 0.0) ** 2
+    places = np.arange(shape[-1])
+    for row in np.flatnonzero(np.any(~shown & ~less, axis=1) & np.any(shown, axis=1)):
+        known, lacking = places[shown[row]], places[~shown[row] & ~less[row]]
+        plain = given[row, known] / had[row, known] ** 2
+        found[row, lacking] = np.interp(lacking, known, plain) * has[row, lacking] ** 2
+    return np.asarray(found.reshape(shape))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +71,7 @@ class RateNoise(Immutable):
 
     def without(self, response: ComplexArray) -> RateNoise:
         """The noise without a filter that it passed, by its response, shape ``(n,)``."""
-        return replace(self, density=self.density / np.maximum(np.abs(response), _LEAST_GAIN) ** 2)
+        return replace(self, density=density_behind(self.density, response, np.ones_like(response)))
 
     def of_command(self, controller: RateController) -> tuple[FloatArray, ComplexArray, FloatArray]:
         r"""Mean square of the command that each frequency adds, by P alone, P with D, and D alone, shapes ``(n,)``.

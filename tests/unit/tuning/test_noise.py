@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, freqz, lfilter, welch
 
 from rotorid.models.controller import RateController
 from rotorid.tuning.loops import ControllerParts, Gains, frequency_grid
-from rotorid.tuning.noise import RateNoise
+from rotorid.tuning.noise import RateNoise, density_behind
 
 GAINS = Gains(P=0.12, I=0.2, D=0.003, A=6.0)
 CONTROLLER = RateController(
@@ -51,3 +53,20 @@ def test_a_filter_that_is_left_out_gives_its_noise_back() -> None:
     response = 1.0 / (1.0 + 1j * noise.omega_rad_s / 300.0)
     passed = replace(noise, density=noise.density * np.abs(response) ** 2)
     np.testing.assert_allclose(passed.without(response).density, noise.density)
+
+
+def test_a_filter_that_left_only_digits_is_taken_off_by_the_noise_beside() -> None:
+    """White noise behind a digital low-pass of 120 Hz, logged in steps of 0.1 degrees per second."""
+    rate_hz, level, step = 1000.0, 0.0468, math.radians(0.1)
+    noise = level * np.random.default_rng(1).standard_normal(60_000)
+    b, a = butter(2, 120.0, fs=rate_hz)
+    logged = step * np.round(lfilter(b, a, noise) / step)
+    hz, density = welch(logged, fs=rate_hz, nperseg=500)
+    passed = freqz(b, a, worN=hz, fs=rate_hz)[1]
+    above = hz >= 20.0
+    found = density_behind(density, passed, np.ones_like(passed))[above]
+    assert found.max() < 1.4 * 2.0 * level**2 / rate_hz
+    assert found.sum() * (hz[1] - hz[0]) == pytest.approx(level**2 * above.mean(), rel=0.1)
+    # Filters that leave less are applied as they are.
+    closed = density_behind(density, passed, 0.5 * passed)
+    np.testing.assert_allclose(closed, 0.25 * density)
