@@ -23,8 +23,8 @@ from unittest.mock import patch
 
 from tests.hostile.damage import Sample, hang_limit, incomplete, malformed
 from tests.hostile.reading_child import _extract_here
-from tests.hostile.structured import variants
-from tests.hostile.structured_documents import DOCUMENTS, Sound, hostile_documents
+from tests.hostile.structured import BUILDERS, sound, variants
+from tests.hostile.structured_documents import DOCUMENTS, Sound, hostile_documents, sound_documents
 
 import rotorid
 from rotorid.cli.app import main as command
@@ -32,6 +32,7 @@ from rotorid.data.display import HIDDEN
 from rotorid.documents.base import to_json
 from rotorid.documents.inspection import inspect_document
 from rotorid.errors import RotoridError
+from rotorid.fleets import table
 from rotorid.io import read, sandbox
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
@@ -50,9 +51,18 @@ def main(folder: Path, formats: list[str], count: int, start: int, *, whole: boo
     """Judge the inputs of some formats from number ``start`` on; ``whole`` puts each through everything."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    sandbox.extract = _extract_here  # type: ignore[assignment]
+    for module in (sandbox, table):
+        module.extract = _extract_here  # type: ignore[attr-defined]
     warnings.simplefilter("error", RuntimeWarning)
-    for name, number, sample in islice(_inputs(folder, formats, count), start, None):
+    # What is identified once serves all kinds.
+    made = Sound(folder.parent / "sound")
+    if not DOCUMENTS.keys() >= set(formats):
+        _prepare(made, folder.parent, whole=whole)
+    known: set[str] = set()
+    for name, number, sample in islice(_inputs(formats, count, made), start, None):
+        if name not in known:
+            known.add(name)
+            _prepare_kind(name, made, folder)
         begin_s = time.process_time()
         sample.put(folder, sample.content)
         if name in DOCUMENTS:
@@ -67,12 +77,31 @@ def main(folder: Path, formats: list[str], count: int, start: int, *, whole: boo
             return
 
 
-def _inputs(folder: Path, kinds: Sequence[str], count: int) -> Iterator[tuple[str, int, Sample]]:
-    # What is identified once serves all kinds.
-    made = Sound(folder.parent / "sound")
+def _inputs(kinds: Sequence[str], count: int, made: Sound) -> Iterator[tuple[str, int, Sample]]:
     for name in kinds:
         samples = hostile_documents(name, count, made) if name in DOCUMENTS else variants(name, count)
         yield from ((name, number, sample) for number, sample in enumerate(samples))
+
+
+def _prepare(made: Sound, folder: Path, *, whole: bool) -> None:
+    """Import and compile what no hostile input may be charged with."""
+    log = folder / "flight.csv"
+    made.write_log(log)
+    spoken(["inspect", str(log)])
+    if whole:
+        rotorid.identify([read(log)], "rate.roll", segments=[parse_segment("roll:0:60")])
+
+
+def _prepare_kind(name: str, made: Sound, folder: Path) -> None:
+    """The same for what only this kind needs, by a sound input of it."""
+    if name in DOCUMENTS:
+        sample = sound_documents(name, made)[0]
+        sample.put(folder, sample.content)
+        DOCUMENTS[name].read(folder / sample.name)
+        return
+    sample = sound(BUILDERS[name][1][0])
+    sample.put(folder, sample.content)
+    read(folder / (sample.read or sample.name), mapping=folder / sample.mapping if sample.mapping else None)
 
 
 def understood(read_document: Callable[[Path], object], path: Path) -> str:

@@ -10,7 +10,7 @@ import json
 import random
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -64,13 +64,18 @@ class Sound:
 
     def _identify(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
+        self.write_log(folder / "flight.csv")
+        stretch = parse_segment("roll:0:60")
+        save(rotorid.identify([rotorid.read(folder / "flight.csv")], "rate.roll", segments=[stretch]), folder)
+
+    @staticmethod
+    def write_log(path: Path) -> None:
+        """A sweep of roll, from which a model is identified."""
         time_s = np.arange(0.0, 60.0, 0.01)
         command = 0.1 * np.sin(time_s + 0.25 * time_s**2)
         noise = 0.002 * np.random.default_rng(0).standard_normal(time_s.size)
         rate = lfilter([0.0, 0.4], [1.0, -0.92], command) + noise
-        write_csv(folder / "flight.csv", time_s, {"roll_command": command, "p": rate})
-        stretch = parse_segment("roll:0:60")
-        save(rotorid.identify([rotorid.read(folder / "flight.csv")], "rate.roll", segments=[stretch]), folder)
+        write_csv(path, time_s, {"roll_command": command, "p": rate})
 
     @cached_property
     def plan(self) -> bytes:
@@ -271,12 +276,17 @@ DOCUMENTS: Mapping[str, Kind] = MappingProxyType(
 
 def hostile_documents(name: str, count: int, made: Sound, seed: int = 0) -> Iterator[Sample]:
     """So many hostile documents of a kind; one seed, one list."""
+    kind, sound = DOCUMENTS[name], sound_documents(name, made)
+    for number in range(count):
+        chance = random.Random(f"{name} {seed} {number}")
+        sample = sound[number % len(sound)]
+        yield replace(sample, content=kind.spoil(chance, sample.content))
+
+
+def sound_documents(name: str, made: Sound) -> list[Sample]:
+    """The documents that are spoiled, with the files that they need."""
     kind = DOCUMENTS[name]
-    sound = kind.sound(made)
     beside = {**made.result, "other.json": made.result["result.json"]} if kind.beside else {}
     if name == "several results":
         beside = {f"rate.roll/{file}": content for file, content in made.result.items()}
-    for number in range(count):
-        chance = random.Random(f"{name} {seed} {number}")
-        content = kind.spoil(chance, sound[number % len(sound)])
-        yield Sample(name=kind.name, content=content, beside=beside)
+    return [Sample(name=kind.name, content=content, beside=beside) for content in kind.sound(made)]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from tests.hostile.campaign import COUNT, Outcome, outcomes, table, tried
 from tests.hostile.structured import BUILDERS, sound
-from tests.hostile.structured_documents import DOCUMENTS, Sound
+from tests.hostile.structured_documents import DOCUMENTS, Sound, sound_documents
 from tests.hostile.test_documents import JSON, OTHERS, TOML
 
 from rotorid.io.formats import READERS
@@ -21,6 +21,8 @@ pytest.importorskip("resource", reason="limits of memory are those of Unix")
 CHEAP = tuple(name for name in BUILDERS if name != "ROS")
 ROUTINE_LOGS, ROUTINE_DOCUMENTS = 100, 200
 NEEDS = {"ROS": "rosbags", "HDF5": "h5py", "Parquet": "pyarrow", "fleet table": "pyarrow"}
+CHECKSUMMED = {"arrays", "fleet table"}
+"""Documents of which few damaged ones can be read: their checksums do not match."""
 
 
 def available(kinds: tuple[str, ...]) -> tuple[str, ...]:
@@ -41,9 +43,9 @@ def faults(found: list[Outcome]) -> list[str]:
     return [f"{one.kind} {one.number}: {one.fault}" for one in found if one.fault]
 
 
-@pytest.mark.parametrize(("kinds", "count"), [(CHEAP, ROUTINE_LOGS), (("ROS",), 200)], ids=["own", "ROS"])
-def test_hostile_logs(kinds: tuple[str, ...], count: int, tmp_path: Path) -> None:
-    found = tried(tmp_path / "inputs", available(kinds), count, whole=False, kept=tmp_path / "kept.tsv")
+@pytest.mark.parametrize("kinds", [CHEAP, ("ROS",)], ids=["own", "ROS"])
+def test_hostile_logs(kinds: tuple[str, ...], tmp_path: Path) -> None:
+    found = tried(tmp_path / "inputs", available(kinds), ROUTINE_LOGS, whole=False, kept=tmp_path / "kept.tsv")
     assert faults(found) == []
     # What is only refused tries nothing.
     assert sum(one.said != "refused" for one in found) > 0.2 * len(found)
@@ -54,7 +56,7 @@ def test_hostile_documents(tmp_path: Path) -> None:
     found = tried(tmp_path / "inputs", kinds, ROUTINE_DOCUMENTS, whole=True, kept=tmp_path / "kept.tsv")
     assert faults(found) == []
     for kind in kinds:
-        assert any(one.said == "read" for one in found if one.kind == kind) or kind == "fleet table", kind
+        assert kind in CHECKSUMMED or any(one.said == "read" for one in found if one.kind == kind), kind
 
 
 @pytest.mark.slow
@@ -89,18 +91,11 @@ def test_what_is_spoiled_was_sound(tmp_path: Path) -> None:
     made = Sound(tmp_path / "made")
     made.folder.mkdir()
     for name in available(tuple(DOCUMENTS)):
-        kind = DOCUMENTS[name]
         folder = tmp_path / name
         folder.mkdir()
-        for content in kind.sound(made):
-            for beside, data in made.result.items():
-                (folder / "rate.roll").mkdir(exist_ok=True)
-                (folder / "rate.roll" / beside).write_bytes(data)
-                if kind.beside:
-                    (folder / beside).write_bytes(data)
-            (folder / "other.json").write_bytes(made.result["result.json"])
-            (folder / kind.name).write_bytes(content)
-            kind.read(folder / kind.name)
+        for sample in sound_documents(name, made):
+            sample.put(folder, sample.content)
+            DOCUMENTS[name].read(folder / sample.name)
 
 
 def test_a_stopped_campaign_goes_on_behind_its_last_line(tmp_path: Path) -> None:
