@@ -119,6 +119,10 @@ BY_ITS_OWN = {
     "io.folders": "a hash of any file in a folder of results",
     "fleets.table": "the end of a journal, to write behind it",
     "models.toml_source": "a key of a text that the reader has parsed",
+    "benchmarking.flights": "a hash of a log, and a mapping that is part of the program",
+    "benchmarking.foreign": "a table of predictions, line by line",
+    "cli.lab_worker": NOT_A_FILE,
+    "mcp.server": OURS,
     "lab.server": NOT_A_FILE,
     "lab.serving": NOT_A_FILE,
 }

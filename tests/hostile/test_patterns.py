@@ -24,6 +24,8 @@ import pytest
 from tests.hostile.patterns_child import SIZES, Case
 
 import rotorid
+from rotorid.benchmarking.catalog import BENCHMARKS
+from rotorid.benchmarking.flights import _PACKED
 from rotorid.io.ardupilot.status import _FIRMWARES
 from rotorid.io.ros.bag import RULES
 
@@ -45,6 +47,9 @@ TABLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         'rotorid.models.equations:f"(?<![\\\\w.]){re.escape(name)}(?![\\\\w\'])"': (r"(?<![\w.])u(?![\w'])",),
         "rotorid.io.ardupilot.status:word": tuple(word for word, _ in _FIRMWARES),
+        "rotorid.benchmarking.flights:benchmark.pattern + _PACKED": tuple(
+            one.pattern + _PACKED for one in BENCHMARKS.values()
+        ),
         "rotorid.io.ros.bag:rule.topic": tuple({rule.topic for rule in RULES if rule.topic}),
     }
 )

@@ -86,13 +86,3 @@ def test_a_result_without_the_filters_of_the_gyro_has_no_gains(
     with pytest.raises(rotorid.InsufficientDataError) as refused:
         tune(older, axes=("roll",))
     assert any("identify again, or give the log" in finding.message for finding in refused.value.findings)
-
-
-def test_a_result_without_the_noise_of_the_gyro_says_so(
-    flight: tuple[DesignSettings, FlightRecord, IdentifiedModel],
-) -> None:
-    """As older versions wrote them: their noise ends where commands do."""
-    _, _, result = flight
-    older = replace(result, data=replace(result.data, rate_densities={}))
-    (told,) = [one for one in tune(older, axes=("roll",)).findings if one.kind == "room_not_checked"]
-    assert "the noise of the rotors were not checked" in told.message

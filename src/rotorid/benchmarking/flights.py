@@ -215,7 +215,7 @@ def _require_steps(benchmark: Benchmark, flights: Sequence[BenchFlight]) -> None
     """Refuse flights without a sample from which states can be predicted."""
     longest = max((flight.record.samples for flight in flights), default=0)
     if benchmark.kind == "steps" and longest <= STEPS:
-        raise InsufficientDataError(f"{longest} samples of it can be used", needed=f"more than {STEPS}")
+        raise InsufficientDataError(f"only {longest} of its samples are usable", needed=f"more than {STEPS}")
 
 
 def _of_hash(benchmark: Benchmark, name: str, path: Path) -> Iterator[Finding]:

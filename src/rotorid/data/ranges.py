@@ -46,6 +46,9 @@ def _ranges() -> Mapping[str, tuple[float, float]]:
     speeds = "u v w velocity_north velocity_east velocity_down"
     found |= within(f"{speeds} {' '.join(f'{name}_setpoint' for name in speeds.split())}", 300.0)
     found |= within("velocity_forward velocity_right", 300.0)
+    ways = ("north", "east", "down")
+    found |= within([f"velocity_{way}_feedforward" for way in ways], 300.0)
+    found |= within([f"acceleration_{way}_setpoint" for way in ways], 2000.0)
     places = "north east down"
     found |= within(f"{places} {' '.join(f'{name}_setpoint' for name in places.split())}", 1e6)
     # 200 g: what the coarsest accelerometers end at.

@@ -17,7 +17,6 @@ from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import (
     FlownLoop,
-    LoggedLoop,
     at_ends,
     flown_axis,
     require_calm,
@@ -191,7 +190,7 @@ def known_axis(
         findings += [finding for finding in require_room(record, model, axis=axis) if finding not in findings]
     findings += [finding for finding in plant_remarks(axis, given, model) if finding not in findings]
     flown = flown_axis(axis, model, record)
-    findings += require_controller_match(flown) if record is not None else _unchecked(model, flown)
+    findings += require_controller_match(flown) if record is not None else _unchecked(model)
     then = with_filters(flown.record, filters) if filters else None
     # A given result may contain choices of its user; logs alone give what every command measures from them.
     swept = None if model in given else plant_at_hover(axis, logs_of(axis, logs))
@@ -212,12 +211,11 @@ def known_axis(
     return known
 
 
-def _unchecked(model: IdentifiedModel, flown: LoggedLoop) -> list[Finding]:
+def _unchecked(model: IdentifiedModel) -> list[Finding]:
     """What was not checked without the log, and remarks on the firmware."""
-    # Results of older versions kept no noise of the gyro: what the command shows of it ends below the rotors.
-    what = "motor limits and the logged gains"
-    if flown.kept is None:
-        what = "motor limits, the logged gains and the noise of the rotors"
-    message = f"{model.name} was given without its log, so {what} were not checked. Give the log with the result."
+    message = (
+        f"{model.name} was given without its log, so motor limits and the logged gains were not checked. Give the log "
+        "with the result."
+    )
     findings = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
     return [*findings, remark("room_not_checked", model.name, message)]

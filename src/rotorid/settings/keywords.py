@@ -21,7 +21,7 @@ _OTHERS: Mapping[str, str] = {"--map": "rotorid.read(..., mapping={})", "--model
 """Options that are arguments of functions, and no field of settings; the place of a text is marked."""
 
 _TYPED = re.compile(
-    rf"(?P<command>rotorid [a-z]+ [^;,]*?)?(?P<option>{OPTION.pattern})"
+    rf"(?P<command>rotorid [a-z]+ [^;,]{{0,200}}?)?(?P<option>{OPTION.pattern})"
     r"(?: (?P<value>[^\s;,)]*[:=\d][^\s;,).]*(?:\.[^\s;,).]+)*|[A-Z]{2,}(?:[.=:][^\s;,).]+)*))?"
 )
 """An option with its text, and the command before it, which then is one to type and stays as it is."""

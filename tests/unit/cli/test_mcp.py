@@ -13,7 +13,7 @@ from rotorid.cli.mcp import mcp_command
 def test_a_system_without_confinement_is_named(
     able: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    served = []
+    served: list[object] = []
     monkeypatch.setattr("rotorid.io.confinement.can_confine_files", lambda: able)
     monkeypatch.setattr("rotorid.mcp.server.serve", served.append)
     mcp_command([tmp_path])

@@ -98,5 +98,5 @@ def test_unknown_models_and_steps_are_refused(calm: dict[str, np.ndarray]) -> No
     record = twin.record_of(calm)
     with pytest.raises(ModelError, match=r"hover\.full"):
         track(record, "hover.full")
-    with pytest.raises(UsageError, match="--step 3 is out of range"):
+    with pytest.raises(UsageError, match="step_share=3 is out of range"):
         track(record, "rate.roll", step_share=3.0)
