@@ -122,7 +122,7 @@ def test_durations_are_those_of_a_report(tmp_path: Path) -> None:
         ("io/tables/steps", "io/tables/test_steps"),  # steps of a mapping
         ("lab/connections", "lab/test_connections"),
         ("search/acceleration_kernels", "search/test_acceleration"),
-        ("signal/stretch", "cli/test_track_command"),
+        ("signal/stretch", "identifying/test_tracking"),
     ],
 )
 def test_the_tests_of_a_module_are_among_the_first(choices: Mapping[str, Choice], module: str, test: str) -> None:
