@@ -8,7 +8,7 @@ from rotorid.settings.option import Option, Settings
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSettings(Settings):
-    """Whose predictions a benchmark scores beside those of rotorid.
+    """Whose predictions a benchmark scores, apart from those of rotorid.
 
     Parameters
     ----------

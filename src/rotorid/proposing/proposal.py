@@ -575,7 +575,7 @@ def _axis(
 ) -> AxisTuning:
     """One axis, from its flown loop to the effect of the proposed gains, with an angle gain that may be given.
 
-    ``held`` says why it is, beside what limits the gains.
+    ``held`` says why it is given; the reasons of the proposal end with it.
     """
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
     omega, drawn = known.omega_rad_s, known.drawn()
