@@ -81,7 +81,7 @@ TABLE = (
         tune__room=("\n_ROOM = 1.3", "\n_ROOM = 1.0"),
     ),
     *_guards(
-        "proposing/proposal.py",
+        "proposing/axis_gains.py",
         "proposing/test_judging_guards.py",
         tune__throttle__wishes=(
             "thrust.flown_range if thrust is not None else (1.0, 1.0),\n        ranges",

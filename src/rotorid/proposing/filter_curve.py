@@ -21,11 +21,11 @@ from rotorid.flights.filter_effects import command_powers, filtered_density, sav
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.loops.filter_choice import FilterSet, KnownLoop, filter_sets
 from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.axis_gains import agreed_gains
 from rotorid.proposing.filters import with_filters
-from rotorid.proposing.flown_gains import at_ends
-from rotorid.tuning.firmware import rounded, written
+from rotorid.tuning.firmware import written
 from rotorid.tuning.loops import Gains, loop_figures, over_draws
-from rotorid.tuning.proposal import Judged, Wishes, judged, propose
+from rotorid.tuning.proposal import Judged, Wishes
 from rotorid.typing import Axis, FloatArray
 
 SETS = 4
@@ -41,7 +41,7 @@ _QUIETER = 0.97
 """Noise over that of the set before, up to which a set that costs more is worth a look."""
 
 _NOISE_LIMITS = (1.0, 0.5)
-"""Noise that gains may make over the flown ones, besides the limit that was asked for."""
+"""Noise that gains may make over the flown ones, besides the limit that was asked for, the largest first."""
 
 _LEAST_SAVED = 10.0
 """Saved noise in per cent from which new filters are recommended."""
@@ -173,6 +173,8 @@ def filter_curve(
     ------
     InsufficientDataError
         The log does not show the noise of the gyro, or no point keeps the limits.
+    AxisError
+        The search of gains failed.
     """
     record = next(iter(known.values())).flown.record
     noise = gyro_noise(record)
@@ -180,6 +182,7 @@ def filter_curve(
     sets = _spread(filter_sets(record, noise, {axis: loop for axis, loop in loops.items() if loop is not None}))
     powers = {axis: _powers(record, noise, one.flown_parts.controller, record, axis) for axis, one in known.items()}
     before = np.sum(list(powers.values()), axis=0)
+    asked = next(iter(map(wishes, known.values()))).noise
     found: list[FilterPoint] = []
     for one in sets:
         values = {**flown_filters, **one.values}
@@ -189,7 +192,7 @@ def filter_curve(
         except (UsageError, InsufficientDataError):
             continue
         loudest = np.inf
-        for limit in sorted({next(iter(map(wishes, known.values()))).noise, *_NOISE_LIMITS}, reverse=True):
+        for limit in [asked, *(limit for limit in _NOISE_LIMITS if limit < asked)]:
             # A limit above what the gains make binds nothing.
             if loudest <= limit:
                 continue
@@ -288,31 +291,21 @@ def _point(
     before: FloatArray,
 ) -> FilterPoint | None:
     """Filters with the best gains of every axis; ``None`` where an axis has none that keep the limits."""
+    agreed, _ = agreed_gains(known, lambda one: replace(wishes(one), noise=limit))
+    if not all(found.proposal.keeps_limits for found in agreed.values()):
+        return None
     axes: dict[Axis, AxisPoint] = {}
     powers = []
     for axis, one in known.items():
-        own = replace(wishes(one), noise=limit)
-        ends = tuple(at_ends(one.controller, one.parts).values())
-        found = propose(
-            axis,
-            one.plant,
-            one.controller.controller,
-            parts=one.parts,
-            flown_parts=None if then is record else one.flown_parts,
-            ends=ends,
-            wishes=own,
-        )
-        if not found.keeps_limits:
-            return None
-        gains = rounded(one.controller, found.proposed.gains)
-        scores = judged(one.parts, one.drawn(), gains, from_rad_s=one.plant.known_from_rad_s)
+        found = agreed[axis].proposal
+        scores = found.proposed
         axes[axis] = AxisPoint(
             judged=scores,
-            parameters=written(one.controller, gains),
+            parameters=written(one.controller, scores.gains),
             sensitivity_peak=over_draws(np.maximum(scores.rate.sensitivity_peak, scores.whole.sensitivity_peak), "1"),
             attitude_ratio=over_draws(scores.attitude_rms / found.flown.attitude_rms, "1"),
         )
-        powers.append(_powers(record, noise, Gains.on(gains, one.parts.controller), then, axis))
+        powers.append(_powers(record, noise, Gains.on(scores.gains, one.parts.controller), then, axis))
     changes = {
         name: (record.parameters.get(name), value)
         for name, value in filters.values.items()

@@ -30,9 +30,17 @@ from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flying.next_steps import sweep_for_tune
 from rotorid.io.records import as_records
-from rotorid.models.autopilots.gains import parameters_of
-from rotorid.models.autopilots.settings import AxisController, Parameter
+from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis, needed_rad_s
+from rotorid.proposing.axis_gains import (
+    AxisError,
+    AxisGains,
+    agreed_gains,
+    axis_gains,
+    scores_of,
+    shares_angle,
+    wishes_of,
+)
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends, flown_controllers, settings_records
@@ -50,12 +58,12 @@ from rotorid.settings.option import as_settings
 from rotorid.signal.excitations import rich_excitations
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.files import parameter_files
-from rotorid.tuning.firmware import ranges_of, rounded, scaled, written
+from rotorid.tuning.firmware import rounded, scaled, written
 from rotorid.tuning.gain_files import GainFile
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import ControllerParts, Gains, loop_figures, over_draws
 from rotorid.tuning.plant import UncertainPlant
-from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, judged, propose, steps_beyond
+from rotorid.tuning.proposal import AxisProposal, Judged, Wishes, flights_between, steps_beyond
 from rotorid.typing import Axis, ComplexArray, FloatArray, LoopName
 
 _PROGRESS = logging.getLogger("rotorid.progress")
@@ -331,10 +339,10 @@ def tune(
     shared: list[Finding] = []
     while known:
         try:
-            inner, shared = _axes(known, chosen, thrust)
+            inner, shared = _inner_axes(known, chosen, thrust)
             axes = {**axes, **dict(inner.items())}
             break
-        except _AxisError as failed:
+        except AxisError as failed:
             # What another axis was tuned to, or shares with it, is found anew without it.
             del known[failed.axis]
             refused[failed.axis], remarks = _refused(failed.axis, failed.cause)
@@ -345,7 +353,8 @@ def tune(
         try:
             every[loop], remarks = cascade.outer(loop, axes)
             remarks = checked_by_flight(every[loop], remarks) if loop == "velocity" else remarks
-            axes[loop] = _axis(loop, every[loop], chosen, None)
+            gains = axis_gains(loop, every[loop], wishes_of(every[loop].controller, chosen))
+            axes[loop] = axis_tuning(loop, every[loop], gains, chosen.filters)
         except UsageError:
             raise
         except Exception as failure:
@@ -361,7 +370,7 @@ def tune(
         )
     for loop, tuning in axes.items():
         try:
-            path = _path(loop, every[loop], tuning.proposal, chosen, None if KINDS[loop].outer else thrust)
+            path = _path(loop, every[loop], tuning)
         except Exception as failure:
             # The gains stand without their flights.
             error = reason_of(failure, f"flights to the goal of {loop}")
@@ -391,17 +400,15 @@ def _with_curve(
 ) -> tuple[FilterCurve | None, dict[Axis, KnownAxis], TuneSettings]:
     """Filters with gains, and the axes and settings with those that were picked; as they were where none is known."""
     _PROGRESS.info("looking for filters")
-
-    def wishes(one: KnownAxis) -> Wishes:
-        angle = _angle(one)
-        # Two axes that share an angle gain would need each other's.
-        shared = one.gains.A if angle is not None and angle.shared else None
-        return replace(wishes_of(one.controller, chosen, thrust), angle_1_s=shared)
-
     try:
-        curve = filter_curve(known, wishes, chosen.filters)
+        curve = filter_curve(known, lambda one: wishes_of(one.controller, chosen, thrust), chosen.filters)
     except InsufficientDataError as error:
         why = f"Not enough data for other filters: {error.came}; {error.remedy or error.expectation}."
+        findings.append(warn("filter_not_judged", "filters", why))
+        return None, known, chosen
+    except AxisError as failed:
+        # The axis is named, with the reason, where its gains are searched.
+        why = f"Other filters were not looked for, because the gains of {failed.axis} could not be searched."
         findings.append(warn("filter_not_judged", "filters", why))
         return None, known, chosen
     number = curve.recommended if chosen.filter_choice == "propose" else chosen.filter_choice
@@ -481,14 +488,6 @@ class _Cascade:
         )
 
 
-class _AxisError(Exception):
-    """An axis fails where gains are searched; all others stand."""
-
-    def __init__(self, axis: Axis, cause: Exception) -> None:
-        super().__init__(axis)
-        self.axis, self.cause = axis, cause
-
-
 def _refused(axis: LoopName, failure: Exception) -> tuple[InsufficientDataError, list[Finding]]:
     """Why an axis has no gains, and what to say of it."""
     error = reason_of(failure, f"gains of {axis}")
@@ -502,142 +501,72 @@ def _refused(axis: LoopName, failure: Exception) -> tuple[InsufficientDataError,
     return refused, [*(lack.findings if lack else ()), warn("not_tuned", axis, f"{head} {axis}: {why}.")]
 
 
-def _tuned(
-    axis: Axis,
-    known: KnownAxis,
-    settings: TuneSettings,
-    thrust: ThrustLinearization | None,
-    *,
-    angle_1_s: float | None = None,
-    held: str = "",
-) -> AxisTuning:
-    """One axis, see :func:`_axis`; a failure names it, but for what was asked wrongly."""
-    try:
-        return _axis(axis, known, settings, thrust, angle_1_s=angle_1_s, held=held)
-    except UsageError:
-        raise
-    except Exception as failure:
-        raise _AxisError(axis, failure) from failure
-
-
-def _axes(
+def _inner_axes(
     known: Mapping[Axis, KnownAxis], settings: TuneSettings, thrust: ThrustLinearization | None
 ) -> tuple[dict[Axis, AxisTuning], list[Finding]]:
-    """All axes, each with gains of its own but for an angle gain that two of them share.
-
-    Where they would have two values of it, the smaller is flown by both; where one of them has no gains for that, or
-    where one alone was looked at, it stays.
-    """
-    sharing = [axis for axis, known_axis in known.items() if (angle := _angle(known_axis)) is not None and angle.shared]
-    flown = known[sharing[0]].gains.A if sharing else 0.0
-    alone, held = flown if len(sharing) == 1 else None, ""
-    if alone is not None and (shared := _angle(known[sharing[0]])) is not None:
-        held = f"{shared.name} stays, as roll and pitch share it and {sharing[0]} alone was tuned"
-    axes = {
-        axis: _tuned(axis, one, settings, thrust, angle_1_s=alone, held=held)
-        if axis in sharing
-        else _tuned(axis, one, settings, thrust)
-        for axis, one in known.items()
-    }
-    proposed = {axis: axes[axis].proposal.proposed.gains.A for axis in sharing}
-    for value in (min(proposed.values(), default=flown), flown):
-        for axis in sharing:
-            if value != axes[axis].proposal.proposed.gains.A:
-                axes[axis] = _tuned(axis, known[axis], settings, thrust, angle_1_s=value)
-        if all(value == axes[axis].proposal.proposed.gains.A for axis in sharing):
-            break
-    if not sharing or (alone is None and len(set(proposed.values())) == 1) or "A" in settings.keep:
-        return axes, []
-    angle = _angle(known[sharing[0]])
-    assert angle is not None
-    why = (
-        f"It is not changed because only {sharing[0]} was tuned"
-        if alone is not None
-        else f"{' and '.join(sharing)} would need "
-        f"{' and '.join(f'{gain / angle.per_si:.0f}' for gain in proposed.values())}; both get "
-        f"{axes[sharing[0]].proposal.proposed.gains.A / angle.per_si:.0f}"
-    )
-    return axes, [remark("angle_shared", angle.name, f"Roll and pitch share {angle.name}. {capital(why)}.")]
+    """All axes with their gains, and a note on an angle gain that two of them share."""
+    agreed, remarks = agreed_gains(known, lambda one: wishes_of(one.controller, settings, thrust))
+    axes = {}
+    for axis, one in known.items():
+        try:
+            axes[axis] = axis_tuning(axis, one, agreed[axis], settings.filters)
+        except UsageError:
+            raise
+        except Exception as failure:
+            raise AxisError(axis, failure) from failure
+    return axes, remarks
 
 
-def _angle(known: KnownAxis) -> Parameter | None:
-    return parameters_of(known.controller).get("A")
+def axis_tuning(axis: LoopName, known: KnownAxis, found: AxisGains, filters: Mapping[str, float]) -> AxisTuning:
+    """An axis with its gains and their effect.
 
-
-def _axis(
-    axis: LoopName,
-    known: KnownAxis,
-    settings: TuneSettings,
-    thrust: ThrustLinearization | None,
-    *,
-    angle_1_s: float | None = None,
-    held: str = "",
-) -> AxisTuning:
-    """One axis, from its flown loop to the effect of the proposed gains, with an angle gain that may be given.
-
-    ``held`` says why it is given; the reasons of the proposal end with it.
+    Parameters
+    ----------
+    axis, known
+        With the filters to fly.
+    found
+        Its gains.
+    filters
+        Those among the parameters that the user asked for.
     """
     flown, plant, then, controller, parts = known.flown, known.plant, known.then, known.controller, known.parts
-    omega, drawn = known.omega_rad_s, known.drawn()
-    ends = at_ends(controller, parts)
-    wishes = replace(wishes_of(controller, settings, thrust), angle_1_s=angle_1_s)
-    found = propose(
-        axis,
-        plant,
-        controller.controller,
-        parts=parts,
-        flown_parts=None if then is None else known.flown_parts,
-        ends=tuple(ends.values()),
-        wishes=wishes,
-    )
-    if held:
-        found = replace(found, reasons=(*found.reasons, held))
-    if found.changed:
-        found = replace(found, proposed=_scores(known, parts, rounded(controller, found.proposed.gains)))
-    elif then is not None or known.flown_plant is not None:
-        # Gains that stay fly the other filters too.
-        found = replace(found, proposed=_scores(known, parts, found.flown.gains))
-        found = replace(found, better=float(np.median(found.proposed.attitude_rms / found.flown.attitude_rms)))
+    omega, drawn, proposal = known.omega_rad_s, known.drawn(), found.proposal
     before = known.flown_plant or plant
-    if known.flown_plant is not None:
-        # What flew had the inner loops of that flight.
-        scores = judged(known.flown_parts, before.drawn(omega), found.flown.gains, from_rad_s=before.known_from_rad_s)
-        better = float(np.median(found.proposed.attitude_rms / scores.attitude_rms))
-        found = replace(found, flown=scores, better=better)
     sets = {
-        "flown": (before.drawn(omega), known.flown_parts, found.flown.gains),
-        "proposed": (drawn, parts, found.proposed.gains),
+        "flown": (before.drawn(omega), known.flown_parts, proposal.flown.gains),
+        "proposed": (drawn, parts, proposal.proposed.gains),
     }
     return AxisTuning(
         controller=flown.controller,
         plant=plant,
         omega_rad_s=omega,
-        proposal=found,
-        parameters=_parameters(known, settings, found),
+        proposal=proposal,
+        parameters=_parameters(known, filters, proposal),
         loops=_loops(sets),
         responses=_responses(omega, sets),
         parts=parts,
-        wishes=wishes,
+        wishes=found.wishes,
         prices=prices(
             None if KINDS[axis].outer else then or flown.record,
             controller,
             parts,
             plant.response(omega),
-            found.proposed.gains,
+            proposal.proposed.gains,
         ),
-        ends={name: _scores(known, end, _with_end(found.proposed.gains, end)) for name, end in ends.items()},
+        ends={
+            name: scores_of(known, end, _with_end(proposal.proposed.gains, end))
+            for name, end in at_ends(controller, parts).items()
+        },
         noise_seen=parts.shows_noise,
         without_derivative=_without_derivative(omega, sets, plant.known_from_rad_s),
-        **_steps(flown, then, (before, plant), found),
+        **_steps(flown, then, (before, plant), proposal),
     )
 
 
-def _path(
-    axis: LoopName, known: KnownAxis, found: AxisProposal, settings: TuneSettings, thrust: ThrustLinearization | None
-) -> tuple[PathStep, ...]:
+def _path(axis: LoopName, known: KnownAxis, tuning: AxisTuning) -> tuple[PathStep, ...]:
     """The flights to the goal, gains as the firmware will hold them; an angle gain of two axes stays as proposed."""
-    wishes = wishes_of(known.controller, settings, thrust)
-    if (angle := _angle(known)) is not None and angle.shared:
+    found, wishes = tuning.proposal, tuning.wishes
+    if shares_angle(known):
         wishes = replace(wishes, angle_1_s=found.proposed.gains.A)
     beyond = steps_beyond(
         axis,
@@ -651,7 +580,7 @@ def _path(
     if not beyond:
         return ()
     steps = [found.proposed]
-    steps += [_scores(known, known.parts, rounded(known.controller, scores.gains)) for scores in beyond]
+    steps += [scores_of(known, known.parts, rounded(known.controller, scores.gains)) for scores in beyond]
     flights = [1, *range(2, len(beyond) + 1)]
     flights.append(flights[-1] + max(1, flights_between(steps[-2].gains, steps[-1].gains, wishes)))
     return tuple(
@@ -659,23 +588,6 @@ def _path(
             flight=flight, goal=scores is steps[-1], judged=scores, parameters=written(known.controller, scores.gains)
         )
         for flight, scores in zip(flights, steps, strict=True)
-    )
-
-
-def _scores(known: KnownAxis, parts: ControllerParts, gains: Gains) -> Judged:
-    return judged(parts, known.drawn(), gains, from_rad_s=known.plant.known_from_rad_s)
-
-
-def wishes_of(controller: AxisController, settings: TuneSettings, thrust: ThrustLinearization | None = None) -> Wishes:
-    """Limits of the gains, and which of them may not change."""
-    known = parameters_of(controller)
-    return Wishes(
-        sensitivity_peak=settings.robustness,
-        noise=settings.noise,
-        # What the firmware has no parameter for, or one whose meaning is not sure, stays.
-        keep=tuple(name for name in "PIDA" if name in settings.keep or name not in known),
-        gain_range=thrust.flown_range if thrust is not None else (1.0, 1.0),
-        ranges=ranges_of(controller),
     )
 
 
@@ -739,14 +651,14 @@ def _ends_early(tuned: AxisTuning) -> bool:
     return crosses * BAND_OVER_CROSSOVER > top and tuned.needed_rad_s > _NEARLY * top
 
 
-def _parameters(known: KnownAxis, settings: TuneSettings, found: AxisProposal) -> dict[str, tuple[float, float]]:
+def _parameters(known: KnownAxis, filters: Mapping[str, float], found: AxisProposal) -> dict[str, tuple[float, float]]:
     """Every gain and filter of the loop by the firmware's name, flown and proposed."""
     flown, then = known.flown.controller, known.controller
     new = {**then.filters, **(written(then, found.proposed.gains) if found.changed else {})}
     before = {**flown.gains, **flown.filters}
     if KINDS[known.flown.axis].outer:
         return {name: (value, new.get(name, value)) for name, value in before.items()}
-    gyro = changed_filters(known.flown.record, settings.filters, gyro=True)
+    gyro = changed_filters(known.flown.record, filters, gyro=True)
     return {name: (value, new.get(name, value)) for name, value in before.items()} | gyro
 
 

@@ -12,9 +12,9 @@ import pytest
 from rotorid.data.quantity import Quantity
 from rotorid.loops.filter_choice import FilterSet
 from rotorid.models.controller import RateController
-from rotorid.proposing import filter_curve as module
+from rotorid.proposing import axis_gains
 from rotorid.proposing.filter_curve import AxisPoint, FilterPoint, _numbered, _point, _spread, _undominated
-from rotorid.tuning import ControllerParts, Wishes, frequency_grid
+from rotorid.tuning import AxisProposal, ControllerParts, Gains, Wishes, frequency_grid
 
 
 def tried(*sets: tuple[float, float]) -> list[tuple[float, float]]:
@@ -84,15 +84,22 @@ def test_gains_of_a_point_hold_at_both_ends_of_d_or_there_is_no_point(monkeypatc
     ones = np.ones(omega.size, dtype=np.complex128)
     parts = ControllerParts(controller=controller, omega_rad_s=omega, filters=ones, logged=ones)
     upper = replace(controller, derivative_s2=0.003)
-    settings = SimpleNamespace(controller=controller, ends={"lower": controller, "upper": upper})
-    known = SimpleNamespace(controller=settings, parts=parts, flown_parts=parts, plant=None)
+    settings = SimpleNamespace(controller=controller, ends={"lower": controller, "upper": upper}, axis="roll")
+    plant = SimpleNamespace(response=np.ones_like, drawn=np.ones_like)
+    known = SimpleNamespace(
+        controller=settings, parts=parts, flown_parts=parts, plant=plant, then=None, flown_plant=None
+    )
     asked: dict[str, Any] = {}
 
-    def none_holds(*_: object, **given: Any) -> SimpleNamespace:
+    def none_holds(*_: object, **given: Any) -> AxisProposal:
         asked.update(given)
-        return SimpleNamespace(keeps_limits=False)
+        scores = cast("Any", SimpleNamespace(gains=Gains.of(controller), attitude_rms=np.ones(1)))
+        return AxisProposal(
+            axis="roll", controller=controller, flown=scores, proposed=scores, better=1.0, keeps_limits=False
+        )
 
-    monkeypatch.setattr(module, "propose", none_holds)
+    monkeypatch.setattr(axis_gains, "propose", none_holds)
+    monkeypatch.setattr(axis_gains, "shares_angle", lambda _: False)
     nothing = cast("Any", None)
     given = cast("Any", {"roll": known})
     assert _point(nothing, nothing, given, nothing, nothing, 0.5, lambda _: Wishes(), np.zeros(1)) is None

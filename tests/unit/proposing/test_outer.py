@@ -15,6 +15,7 @@ from rotorid.models.autopilots.outer import RENAMED, as_logged, outer_controller
 from rotorid.models.controller import RateController
 from rotorid.proposing import check
 from rotorid.proposing.axis import KnownAxis
+from rotorid.proposing.axis_gains import axis_gains, wishes_of
 from rotorid.proposing.check import Foretold
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.judging import JudgedGains, judge_gains
@@ -28,7 +29,7 @@ from rotorid.proposing.outer import (
     known_outer,
     velocity_plant,
 )
-from rotorid.proposing.proposal import AxisTuning, _axis
+from rotorid.proposing.proposal import AxisTuning, axis_tuning
 from rotorid.proposing.settings import TuneSettings
 from rotorid.tuning.firmware import rounded, written
 from rotorid.tuning.gain_files import read_gains
@@ -233,7 +234,9 @@ def test_a_proposal_keeps_the_limits_and_its_range() -> None:
 def tuned(inner: KnownAxis) -> AxisTuning:
     """The velocity loop of a flight, with what would change now."""
     known, _ = known_outer("velocity", material(inner), material(inner))
-    return _axis("velocity", known, TuneSettings(axes=("velocity",)), None)
+    return axis_tuning(
+        "velocity", known, axis_gains("velocity", known, wishes_of(known.controller, TuneSettings())), {}
+    )
 
 
 @pytest.mark.usefixtures("drag")

@@ -30,7 +30,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, name: str, *axes: Axis) -> None:
 
 
 def test_an_axis_whose_search_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing(monkeypatch, "_axis", "roll")
+    failing(monkeypatch, "axis_tuning", "roll")
     found = proposal.tune(records=LOG, axes=("roll", "pitch"))
     assert list(found.axes) == ["pitch"]
     (said,) = [finding for finding in found.findings if finding.kind == "not_tuned"]
@@ -46,7 +46,7 @@ def test_flights_to_the_goal_that_fail_leave_the_gains(monkeypatch: pytest.Monke
 
 
 def test_where_every_axis_fails_there_is_no_proposal(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing(monkeypatch, "_axis", "roll", "pitch")
+    failing(monkeypatch, "axis_tuning", "roll", "pitch")
     with pytest.raises(InsufficientDataError) as refused:
         proposal.tune(records=LOG, axes=("roll", "pitch"))
     assert {finding.where for finding in refused.value.findings if finding.kind == "not_tuned"} == {"roll", "pitch"}

@@ -11,15 +11,17 @@ from tests.unit.proposing.test_outer import INNER, PX4, roll, vehicle
 
 from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
-from rotorid.proposing.proposal import AxisTuning, _axis
-from rotorid.proposing.settings import TuneSettings
+from rotorid.proposing.axis_gains import axis_gains
+from rotorid.proposing.proposal import AxisTuning, axis_tuning
 from rotorid.report.tune_words import balance_sentence
+from rotorid.tuning import Wishes
 
 DAMPED = {"MC_ROLLRATE_P": 0.2, "MC_ROLLRATE_D": 0.006}
 
 
 def tuned(**changed: float) -> AxisTuning:
-    return _axis("roll", roll({**PX4, **changed}), TuneSettings(only=("A",)), None)
+    known = roll({**PX4, **changed})
+    return axis_tuning("roll", known, axis_gains("roll", known, Wishes(keep=("P", "I", "D"))), {})
 
 
 def test_the_margin_without_d_is_that_of_the_known_vehicle() -> None:
