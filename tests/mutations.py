@@ -158,8 +158,15 @@ TABLE = (
         filters__least_saved=("_LEAST_SAVED = 10.0", "_LEAST_SAVED = 0.0"),
         filters__as_stiff=("_AS_STIFF = 1.02", "_AS_STIFF = 2.0"),
         filters__undominated=("point.attitude < 0.995 * other.attitude", "point.attitude < 9.0 * other.attitude"),
-        filters__ends=("ends = tuple(at_ends(one.controller, one.parts).values())", "ends = ()"),
-        filters__limits=("        if not found.keeps_limits:\n            return None\n", ""),
+        filters__limits=(
+            "    if not all(found.proposal.keeps_limits for found in agreed.values()):\n        return None\n",
+            "",
+        ),
+    ),
+    *_guards(
+        "proposing/axis_gains.py",
+        "proposing/test_filter_curve_points.py",
+        filters__ends=("ends=tuple(at_ends(known.controller, parts).values()),", "ends=(),"),
     ),
     *_guards(
         "verification/tracking.py",

@@ -13,8 +13,9 @@ from tests.browser.chromium import SETTLED, asked
 
 from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
+from rotorid.proposing.axis_tuning import AxisTuning, _loops, _responses
 from rotorid.proposing.filter_curve import AxisPoint, FilterCurve, FilterPoint
-from rotorid.proposing.proposal import AxisTuning, TuningProposal, _loops, _responses
+from rotorid.proposing.proposal import TuningProposal
 from rotorid.report.tune import render_tune
 from rotorid.results.provenance import Provenance
 from rotorid.tuning import ControllerParts, Gains, attitude_rms, frequency_grid, loop_figures, propose, uncertain_plant

@@ -14,8 +14,9 @@ from rotorid.documents.filter_curve import FilterCurveDocument, curve_document
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.verdict import VerdictDocument, verdict_fields
 from rotorid.loops.rate_loops import shown_quantities
+from rotorid.proposing.axis_tuning import AxisTuning, PathStep
 from rotorid.proposing.judging import AxisJudgment, JudgedGains
-from rotorid.proposing.proposal import AxisTuning, PathStep, TuningProposal
+from rotorid.proposing.proposal import TuningProposal
 from rotorid.results.model import Refused
 from rotorid.tuning.judging import Verdict
 from rotorid.tuning.kinds import KINDS

@@ -1,5 +1,6 @@
 from rotorid.proposing.axis import KnownAxis as KnownAxis
 from rotorid.proposing.axis import known_axis as known_axis
+from rotorid.proposing.axis_tuning import AxisTuning as AxisTuning
 from rotorid.proposing.check import CheckedTuning as CheckedTuning
 from rotorid.proposing.check import Foretold as Foretold
 from rotorid.proposing.check import check_tuning as check_tuning
@@ -7,7 +8,6 @@ from rotorid.proposing.judging import JudgedGains as JudgedGains
 from rotorid.proposing.judging import judge_axis as judge_axis
 from rotorid.proposing.judging import judge_gains as judge_gains
 from rotorid.proposing.judging import load_gains as load_gains
-from rotorid.proposing.proposal import AxisTuning as AxisTuning
 from rotorid.proposing.proposal import TuningProposal as TuningProposal
 from rotorid.proposing.proposal import tune as tune
 from rotorid.proposing.settings import TuneSettings as TuneSettings

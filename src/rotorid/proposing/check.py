@@ -29,9 +29,10 @@ from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import loop_by_injection, shown_quantities
 from rotorid.models.autopilots.outer import OUTER_LOOPS
+from rotorid.proposing.axis_tuning import AxisTuning
 from rotorid.proposing.outer import flown_outer
 from rotorid.proposing.outer_flown import LoopSeen, exclude_each_other, loop_by_setpoints
-from rotorid.proposing.proposal import AxisTuning, tune
+from rotorid.proposing.proposal import tune
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance

@@ -21,8 +21,9 @@ from rotorid.loops.rate_loops import shown_quantities
 from rotorid.models.autopilots.gains import parameters_of
 from rotorid.models.controller import RateController
 from rotorid.plot.tuning import by_hand, rejection, responses, steps
+from rotorid.proposing.axis_tuning import AxisTuning
 from rotorid.proposing.check import CheckedAxis, CheckedTuning
-from rotorid.proposing.proposal import AxisTuning, TuningProposal
+from rotorid.proposing.proposal import TuningProposal
 from rotorid.proposing.steps import step_times_s
 from rotorid.report.filters import choice_picture, choice_rows, choice_sentence
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render

@@ -12,8 +12,8 @@ from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
 from rotorid.proposing import check
+from rotorid.proposing.axis_tuning import AxisTuning, _loops, _responses
 from rotorid.proposing.check import CheckedAxis, Foretold
-from rotorid.proposing.proposal import AxisTuning, _loops, _responses
 from rotorid.tuning import ControllerParts, Gains, frequency_grid, propose, uncertain_plant
 from rotorid.tuning.loops import quantities
 from rotorid.typing import ComplexArray, FloatArray

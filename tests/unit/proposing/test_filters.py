@@ -19,8 +19,7 @@ from rotorid.models.controller import RateController
 from rotorid.proposing.axis import differing_gains
 from rotorid.proposing.check import Foretold, _which
 from rotorid.proposing.filters import changed_filters, numbered, prices, with_filters
-from rotorid.proposing.proposal import _together
-from rotorid.proposing.settings import TuneSettings
+from rotorid.proposing.proposal_files import proposal_files
 from rotorid.proposing.thrust import ThrustLinearization, linearization
 from rotorid.tuning import ControllerParts, Gains, attitude_figures, frequency_grid, quantities
 from rotorid.tuning.files import parameter_files
@@ -314,15 +313,15 @@ def test_a_curve_of_thrust_moves_every_axis_or_stays(least: float, others: tuple
         name.replace("YAW", axis): value for axis in others for name, value in (yaw | {"ATC_RAT_YAW_P": 0.135}).items()
     }
     record = FlightRecord(source=source, topics=(), parameters=parameters)
-    found = _together(axes, [], [record], [], TuneSettings(), thrust)  # type: ignore[arg-type]
-    assert ("thrust.param" in found.files) == (not why)
+    found = proposal_files(axes, thrust, [], [record], {})  # type: ignore[arg-type]
+    assert ("thrust.param" in found.proposed) == (not why)
     assert found.thrust is not None
     assert found.thrust.changed == (not why)
     assert [one.message for one in found.findings] == ([f"MOT_THST_EXPO is not changed: {why}."] if why else [])
-    back = parsed(found.rollback_files["rollback.param"])
+    back = parsed(found.rollback["rollback.param"])
     assert back["ATC_RAT_YAW_P"] == pytest.approx(least)
     if not why:
-        new = parsed(found.files["thrust.param"])
+        new = parsed(found.proposed["thrust.param"])
         assert new["ATC_RAT_YAW_FF"] == pytest.approx(0.8 * 0.02)
         assert [new[f"ATC_RAT_{axis}_P"] for axis in others] == pytest.approx([0.8 * 0.135, 0.8 * 0.135])
         assert [back[f"ATC_RAT_{axis}_P"] for axis in others] == pytest.approx([0.135, 0.135])

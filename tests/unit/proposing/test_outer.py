@@ -16,6 +16,7 @@ from rotorid.models.controller import RateController
 from rotorid.proposing import check
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.axis_gains import axis_gains, wishes_of
+from rotorid.proposing.axis_tuning import AxisTuning, axis_tuning
 from rotorid.proposing.check import Foretold
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.judging import JudgedGains, judge_gains
@@ -29,7 +30,6 @@ from rotorid.proposing.outer import (
     known_outer,
     velocity_plant,
 )
-from rotorid.proposing.proposal import AxisTuning, axis_tuning
 from rotorid.proposing.settings import TuneSettings
 from rotorid.tuning.firmware import rounded, written
 from rotorid.tuning.gain_files import read_gains

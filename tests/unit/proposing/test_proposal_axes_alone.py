@@ -39,7 +39,7 @@ def test_an_axis_whose_search_fails_leaves_the_others(monkeypatch: pytest.Monkey
 
 
 def test_flights_to_the_goal_that_fail_leave_the_gains(monkeypatch: pytest.MonkeyPatch) -> None:
-    failing(monkeypatch, "_path", "pitch")
+    failing(monkeypatch, "flights_to_goal", "pitch")
     found = proposal.tune(records=LOG, axes=("pitch",))
     assert found.axes["pitch"].path == ()
     assert [finding.where for finding in found.findings if finding.kind == "internal_error"] == ["pitch"]

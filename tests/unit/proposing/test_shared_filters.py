@@ -11,9 +11,9 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
 from rotorid.models.autopilots import axis_controller
-from rotorid.proposing import proposal
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.axis_gains import axis_gains
+from rotorid.proposing.axis_tuning import axis_tuning
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.shared_filters import require_filters_hold
@@ -136,7 +136,7 @@ def test_gains_that_stay_are_shown_with_the_new_filter() -> None:
     """And the filter of the gyro stands among the parameters of every axis."""
     one = known("roll", SLOW)
     gains = axis_gains("roll", one, Wishes(keep=("P", "I", "A")))
-    found = proposal.axis_tuning("roll", one, gains, SLOW)
+    found = axis_tuning("roll", one, gains, SLOW)
     assert found.proposal.proposed.gains == found.proposal.flown.gains == Gains.of(one.flown.controller.controller)
     peaks = [np.median(x.whole.sensitivity_peak) for x in (found.proposal.flown, found.proposal.proposed)]
     assert peaks[1] > 1.2 * peaks[0]
