@@ -100,7 +100,8 @@ def choice_sentence(curve: FilterCurveDocument) -> str:
     if curve.picked is not None and curve.picked > 0:
         return f"Filters and gains of choice {curve.picked} are proposed; all numbers are in % of today's."
     if not curve.recommended:
-        quieter = any(point.saves_percent.value > 0.0 for point in curve.points)
+        # The least noise comes first.
+        quieter = curve.points[0].point != 0
         other = "For less noise, fly another choice (--filters NUMBER)." if quieter else "No choice makes less noise."
         return f"Keep your filters: no others make less noise with as small an attitude error. {other} In % of today's:"
     return f"Better filters for these gains: --filters {curve.recommended}, or another number. In % of today's:"
