@@ -6,7 +6,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,6 +80,17 @@ def answer(task: Task) -> LogAnswer:
     )
     base = failure(task, "error", "")
     return replace(base, log_sha256=content, failed=(), rows=(row,))
+
+
+class Here:
+    """An engine without processes: answers are the same, and no worker is started for each run."""
+
+    workers = 1
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[LogAnswer]:
+        """Answer every task once."""
+        # What a process is given and gives back crosses its border as text.
+        return (LogAnswer.from_json(answer(Task.from_json(task.as_json())).as_json()) for task in tasks)
 
 
 def row_of(vehicle: str, flight: int, value: float, std: float = 1.0, **more: object) -> Row:

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.fleet_logs import WORK, read_table, row_of, write_logs
+from tests.fleet_logs import WORK, Here, read_table, row_of, write_logs
 
 from rotorid import read
 from rotorid.errors import ModelError, UsageError
 from rotorid.fleets import Fleet, FleetSettings, Limits, LogAnswer, Processes, fleet
+from rotorid.fleets.engines import Engine
 from rotorid.fleets.places import Place
 from rotorid.fleets.table import FAILED, FILE, JOURNAL, PAGE, SALT, TABLE, Row, write_table
 from rotorid.fleets.work import Task, _stayed_on_the_ground, answer
@@ -24,12 +25,12 @@ pytest.importorskip("pyarrow")
 SETTINGS = FleetSettings(models=("rate.roll",))
 
 
-def engine(workers: int = 1, timeout_s: float = 60.0) -> Processes:
-    return Processes(workers, Limits(work=WORK, timeout_s=timeout_s, memory_bytes=1 << 30))
+def processes(workers: int) -> Processes:
+    return Processes(workers, Limits(work=WORK, timeout_s=60.0, memory_bytes=1 << 30))
 
 
-def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, workers: int = 1) -> Fleet:
-    one = Fleet([logs], settings, out, engine=engine(workers))
+def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, engine: Engine | None = None) -> Fleet:
+    one = Fleet([logs], settings, out, engine=engine or Here())
     list(one)
     one.write_tables()
     one.close()
@@ -38,9 +39,10 @@ def run(logs: Path, out: Path, settings: FleetSettings = SETTINGS, *, workers: i
 
 def test_one_process_and_two_give_the_same_bytes(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 12)
-    first = run(tmp_path / "logs", tmp_path / "one", workers=1)
-    run(tmp_path / "logs", tmp_path / "two", workers=2)
-    assert (tmp_path / "one" / TABLE).read_bytes() == (tmp_path / "two" / TABLE).read_bytes()
+    first = run(tmp_path / "logs", tmp_path / "one", engine=processes(1))
+    for name, engine in (("two", processes(2)), ("here", Here())):
+        run(tmp_path / "logs", tmp_path / name, engine=engine)
+        assert (tmp_path / "one" / TABLE).read_bytes() == (tmp_path / name / TABLE).read_bytes()
     assert [row.value for row in first.rows()] == [100.0 + k for k in range(1, 13)]
 
 
@@ -115,7 +117,7 @@ def test_names_and_times_of_a_table_go_before_those_of_folders(tmp_path: Path) -
 def test_rows_come_from_python_and_join_with_pandas(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     write_logs(tmp_path / "logs", 3)
-    frame = pandas.DataFrame(fleet(tmp_path / "logs", settings=SETTINGS, engine=engine()))
+    frame = pandas.DataFrame(fleet(tmp_path / "logs", settings=SETTINGS, engine=Here()))
     assert frame.value.sum() == 306.0
     run(tmp_path / "logs", tmp_path / "out")
     assert len(pandas.read_parquet(tmp_path / "out" / TABLE).merge(frame, on="log_sha256")) == 3
@@ -144,7 +146,7 @@ def test_an_answer_is_one_line_and_back() -> None:
 
 def test_the_early_end_of_an_iteration_leaves_a_journal_to_go_on_from(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 20, "slow")
-    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine(2))
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=processes(2))
     for count, _ in enumerate(one, start=1):
         if count == 5:
             break
@@ -175,7 +177,7 @@ def test_foreign_files_where_the_tables_go_are_refused(tmp_path: Path, name: str
 
 def test_tables_of_a_later_run_leave_no_page_of_an_earlier_one(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 1)
-    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=Here())
     list(one)
     with one.writing() as place:
         (place / PAGE).write_text("page")
@@ -192,7 +194,7 @@ def test_what_fails_while_a_page_is_made_leaves_the_set_of_before(tmp_path: Path
     run(tmp_path / "logs", tmp_path / "out")
     before = (tmp_path / "out" / TABLE).read_bytes()
     write_logs(tmp_path / "logs", 3)
-    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=engine())
+    one = Fleet([tmp_path / "logs"], SETTINGS, tmp_path / "out", engine=Here())
     list(one)
     with pytest.raises(OSError, match="full"), one.writing():
         raise OSError("full")
@@ -254,7 +256,7 @@ def test_a_log_that_was_moved_is_in_the_rows_that_come(tmp_path: Path) -> None:
     write_logs(tmp_path / "logs", 3)
     run(tmp_path / "logs", tmp_path / "out")
     moved = shutil.move(tmp_path / "logs", tmp_path / "elsewhere")
-    rows = list(fleet(moved, settings=SETTINGS, out=tmp_path / "out", engine=engine()))
+    rows = list(fleet(moved, settings=SETTINGS, out=tmp_path / "out", engine=Here()))
     assert [row.vehicle for row in rows] == ["elsewhere"] * 3
 
 
