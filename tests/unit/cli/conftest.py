@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tests.unit.cli import once
 from tests.unit.cli.commands import ROLL, Ran, fly_roll_sweeps, rotorid
 
 from rotorid.identifying.identification import identify
@@ -30,4 +32,12 @@ def by_api(flight: Path) -> IdentifiedModel:
 def results(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     """What ``rotorid identify --json`` wrote and said; the folder did not exist before."""
     folder = tmp_path_factory.mktemp("results") / "made" / "here"
-    return folder, rotorid("identify", flight, *ROLL, "--out", folder, "--json")
+    with once.computed_once():
+        return folder, rotorid("identify", flight, *ROLL, "--out", folder, "--json")
+
+
+@pytest.fixture(scope="module")
+def computed_once() -> Iterator[None]:
+    """Commands of a module answer the same question once."""
+    with once.computed_once():
+        yield

@@ -22,6 +22,8 @@ from rotorid.results.model import IdentifiedModel
 from rotorid.reviewing.inspection import inspect
 from rotorid.vehicles.catalog import aircraft
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 def test_version() -> None:
     assert rotorid("--version") == (0, f"rotorid {__version__}\n", "")

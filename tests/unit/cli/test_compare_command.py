@@ -16,6 +16,8 @@ from rotorid.documents.result import load
 from rotorid.errors import UsageError
 from rotorid.io.tables.csv import write_csv
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:

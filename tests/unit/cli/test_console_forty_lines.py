@@ -13,6 +13,8 @@ from tests.unit.cli.commands import ROLL, Ran, rotorid
 from rotorid.cli.app import COMMANDS
 from rotorid.cli.console import MOST_LINES
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 WIDTH = 100
 
 Words: TypeAlias = tuple[str, ...]

@@ -11,6 +11,8 @@ from tests.unit.fitting.late_lags import INPUT, RATE_HZ, late_lag
 
 from rotorid.documents.delay import DelayDocument
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 PAIR = ("--input", "roll_command", "--output", "p")
 
 

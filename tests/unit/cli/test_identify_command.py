@@ -13,6 +13,8 @@ from rotorid.data.quantity import error_columns, with_error
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.results.model import IdentifiedModel
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 FILES = {"result.json", "responses.npz", "report.html", "model.toml"}
 
 

@@ -19,6 +19,8 @@ from rotorid.io.tables.csv import write_csv
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 def test_each_model_has_its_folder_and_all_share_a_report(flight: Path, tmp_path: Path) -> None:
     ran = rotorid("identify", flight, "--model", "rate.roll,rate.yaw", "--band", "12:50", "--out", tmp_path, "--json")

@@ -14,6 +14,8 @@ from rotorid.report.publication import CAPTIONS, of_model
 from rotorid.report.tables import Column, Table, as_csv, as_latex, escaped, symbol
 from rotorid.results.model import IdentifiedModel
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 @pytest.fixture(scope="module")
 def published(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:

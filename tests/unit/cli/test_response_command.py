@@ -12,6 +12,8 @@ from tests.unit.cli.commands import Ran, rotorid
 from rotorid.documents.response import ResponseDocument
 from rotorid.loops.responses import response
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 PAIR = ("--inputs", "roll_command", "--outputs", "p")
 
 

@@ -16,6 +16,8 @@ from rotorid.cli.review import _print, _print_several
 from rotorid.data.findings import refusal, remark, warn
 from rotorid.io.tables.csv import write_csv
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 @pytest.fixture(scope="module")
 def reviewed(flight: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:

@@ -12,6 +12,8 @@ from tests.unit.cli.commands import rotorid
 from rotorid import read
 from rotorid.vehicles import rig
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 HOVER = ("--plan", "none", "--duration", "4")
 
 

@@ -12,6 +12,8 @@ from tests.unit.cli.commands import rotorid
 
 from rotorid.simulation.wind import Wind
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 AIR = Wind(north_m_s=2.1, east_m_s=2.1, turbulence_m_s=0.5)
 
 

@@ -12,6 +12,8 @@ from rotorid.errors import InsufficientDataError
 from rotorid.io.registry import read
 from rotorid.proposing import proposal
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -13,6 +13,8 @@ from rotorid.documents.verify import VerifyDocument
 from rotorid.report.files import to_json
 from rotorid.results.model import IdentifiedModel
 
+pytestmark = pytest.mark.usefixtures("computed_once")
+
 SEGMENT = ("--segment", "roll:56.2:105.9")
 
 
