@@ -14,7 +14,7 @@ from rotorid.data.findings import Finding
 from rotorid.data.response import FrequencyResponse
 from rotorid.data.trust import least_coherence
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, checked, to_json
-from rotorid.errors import UsageError
+from rotorid.errors import ModelError, UsageError
 from rotorid.io import documents
 from rotorid.io.files import write_atomically, write_npz
 from rotorid.io.tables.npz import read_arrays
@@ -65,6 +65,11 @@ RESULT, MODEL, RESPONSES, SCHEMA = "result.json", "model.toml", "responses.npz",
 _DENSITY = "density_"
 _NOISE = "noise_"
 """Beginning of the names of arrays in ``responses.npz`` that hold densities of commands."""
+
+_ROUNDED = 1e-6
+"""What rounding may do to a correlation: below one of a parameter with itself, and below zero of an eigenvalue."""
+_LARGEST_STD = 1e100
+"""Of which a square, and products with slopes, are still numbers."""
 
 _WANTED = f"a folder that rotorid identify wrote, or its {RESULT}"
 
@@ -369,13 +374,25 @@ def identified_model(
 
 
 def _bounds(document: ResultDocument, end: FitEnd) -> Bounds:
-    """Covariance from correlation and standard deviations, bounds from their percents."""
+    """Covariance from correlation and standard deviations, bounds from their percents.
+
+    Raises
+    ------
+    ModelError
+        The numbers belong to no covariance. Decompositions of it need not be guarded behind this.
+    """
     known = document.correlation or Correlation(names=(), matrix=())
     parameters = [document.parameters[name] for name in known.names]
     std, random = (
         np.array([getattr(estimate, name) or 0.0 for estimate in parameters]) for name in ("std", "std_random")
     )
     correlation = np.array(known.matrix, dtype=np.float64).reshape(len(parameters), len(parameters))
+    if not (_is_correlation(correlation) and all(_are_deviations(stds) for stds in (std, random))):
+        raise ModelError(
+            f"the covariance of {document.model} has numbers that no identification gives",
+            needed="a result of identify",
+            remedy="run identify again",
+        )
     size = np.array([0.01 * abs(estimate.value) for estimate in parameters])
     return Bounds(
         names=tuple(known.names),
@@ -385,6 +402,19 @@ def _bounds(document: ResultDocument, end: FitEnd) -> Bounds:
         random=correlation * np.outer(random, random),
         colored=None if end.weights in ("cifer", "covariance") else end.inflation,
     )
+
+
+def _is_correlation(matrix: FloatArray) -> bool:
+    if not matrix.size:
+        return True
+    if not (np.isfinite(matrix).all() and np.abs(matrix).max() <= 1.0 + _ROUNDED):
+        return False
+    own = np.abs(matrix.diagonal() - 1.0).max() <= _ROUNDED and np.abs(matrix - matrix.T).max() <= _ROUNDED
+    return bool(own and np.linalg.eigvalsh(matrix).min() >= -_ROUNDED)
+
+
+def _are_deviations(stds: FloatArray) -> bool:
+    return bool(((stds >= 0.0) & (stds < _LARGEST_STD)).all())
 
 
 def _provenance(document: ProvenanceDocument) -> Provenance:

@@ -479,12 +479,7 @@ def drawn_values(model: IdentifiedModel, parameters: ParameterSet, *, seed: int)
     center = np.array([values[name] for name in names])
     limits = np.array([[parameters[name].lower, parameters[name].upper] for name in names]).T
     rng = np.random.default_rng(seed)
-    try:
-        variances, vectors = np.linalg.eigh(bounds_of(model.bounds, names).covariance)
-    except np.linalg.LinAlgError as error:
-        raise ModelError(
-            f"the covariance of {model.name} has numbers that no identification gives", needed="a result of identify"
-        ) from error
+    variances, vectors = np.linalg.eigh(bounds_of(model.bounds, names).covariance)
     # Rounding may leave a variance below zero.
     spread = vectors * np.sqrt(np.maximum(variances, 0.0))
     drawn = center + rng.standard_normal((_DRAWS, len(names))) @ spread.T
