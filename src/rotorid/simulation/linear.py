@@ -81,6 +81,7 @@ class Discretized:
         return delayed
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a model of a document may be one that no vehicle has
 def discretize(A: FloatArray, B: FloatArray, *, delays_s: FloatArray, step_s: float, hold: Hold) -> Discretized:
     r"""Discretize :math:`\dot x = A x + B u(t - \tau)` exactly between the samples.
 

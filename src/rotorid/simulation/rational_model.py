@@ -219,6 +219,7 @@ def pade_phase_error(system: StateSpace, order: int, up_to_rad_s: float) -> floa
 _ERROR_POINTS = 60
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a document may name a band or a delay without bounds
 def _phase_errors(delays_s: FloatArray, order: int, omega_rad_s: FloatArray) -> FloatArray:
     """Phase of the approximation less that of the delay, shape ``(delays, f)``, followed from low frequencies up."""
     x = 1j * delays_s[:, None] * omega_rad_s

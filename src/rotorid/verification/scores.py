@@ -34,6 +34,7 @@ JRMS_GUIDELINE = (1.0, 2.0)
 """Guideline of J_rms, before it is scaled by the size of the vehicle."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # an unstable model may leave all numbers behind
 def nrmse_fit_percent(measured: FloatArray, predicted: FloatArray) -> float:
     r"""Fit percent, :math:`100 (1 - ||y - \hat y|| / ||y - \bar y||)`.
 
@@ -91,6 +92,7 @@ def guidelines_met(tic: float, fit_percent: float) -> int:
     return int(tic <= GOOD_TIC) + int(fit_percent >= GOOD_FIT_PERCENT)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def rms(values: FloatArray) -> float:
     """Root mean square.
 
