@@ -12,6 +12,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from rotorid.letters import visible
+
 if TYPE_CHECKING:
     from rotorid.data.findings import Finding
 
@@ -24,10 +26,9 @@ class RotoridError(Exception):
     before_needed = "expected"
 
     def __init__(self, came: str, *, needed: str = "", remedy: str = "") -> None:
-        self.came = came
-        self.needed = needed
-        self.remedy = remedy
-        sentence = "; ".join(part.rstrip(".") for part in (came, self.expectation, remedy) if part)
+        # Names and words of files and people stand in all three.
+        self.came, self.needed, self.remedy = (visible(" ".join(words.split("\n"))) for words in (came, needed, remedy))
+        sentence = "; ".join(part.rstrip(".") for part in (self.came, self.expectation, self.remedy) if part)
         super().__init__(sentence if sentence.endswith("?") else f"{sentence}.")
 
     @property

@@ -19,6 +19,7 @@ import numpy as np
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import RotoridError
+from rotorid.letters import HIDDEN
 
 ROOT = Path(__file__).resolve().parents[2]
 LONGEST_S = 20
@@ -147,6 +148,8 @@ def incomplete(error: RotoridError) -> str:
         missing.remove("needed" if error.remedy else "remedy")
     if missing:
         return f"{error} does not give {', '.join(missing)}"
+    if HIDDEN.search(str(error)):
+        return f"{str(error)!r} has a control"
     return "" if len(str(error).splitlines()) == 1 else f"{str(error)!r} is more than one line"
 
 

@@ -19,12 +19,12 @@ from scipy.io import savemat
 from tests.hostile.damage import hang_limit
 from tests.unit.cli.commands import Ran, rotorid
 
-from rotorid.data.display import HIDDEN
 from rotorid.data.flight_plan import FlightPlan
 from rotorid.errors import LogError
 from rotorid.excitation.plan import planned, sequence
 from rotorid.io.tables.csv import write_csv
 from rotorid.io.tables.matlab import extract
+from rotorid.letters import HIDDEN
 from rotorid.plans.csv import plan_csv
 
 STAMPS = [round(0.004 * k, 4) for k in range(3000)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from rotorid.cli.console import log_progress, print_refusal, progress, say
-from rotorid.data.display import visible
+from rotorid.letters import visible
 
 if TYPE_CHECKING:
     from rotorid.cli.options import ForPaper, Output

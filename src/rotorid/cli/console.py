@@ -28,9 +28,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from rotorid.data.display import visible
 from rotorid.data.findings import SEVERITIES, without_repeated
 from rotorid.io.formats import PACKED
+from rotorid.letters import visible
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -1,51 +1,20 @@
-"""How values show themselves: at most twenty lines of text, and a table in a notebook.
-
-Names come from files of others. :func:`visible` writes out what a terminal would obey instead of showing.
-"""
+"""How values show themselves: at most twenty lines of text, and a table in a notebook."""
 
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import fields
 from typing import Any
 
+from rotorid.letters import visible
+
 MOST_LINES = 20
 """No value shows more of itself than this."""
 
-HIDDEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Letters that a terminal obeys instead of showing them, or that are none.
-
-Controls of ASCII and of Latin-1 but for tab and line feed, ends of lines and of paragraphs, marks that turn the
-direction of writing, and halves of letters, as which Python reads a file name that is no text.
-"""
-
 _WIDTH = 118
 _FEW = 6
-
-
-def visible(text: str) -> str:
-    r"""Text that shows what is in it, and does nothing else to whoever reads it.
-
-    Parameters
-    ----------
-    text
-        From anywhere. Tabs and line feeds stay.
-
-    Examples
-    --------
-    >>> print(visible("\x1b[31mred\u202e"), visible("flug\udcff.ulg"), visible("größe\t1"))
-    \x1b[31mred\u202e flug\xff.ulg größe	1
-    """
-    return HIDDEN.sub(lambda found: _written(ord(found[0])), text)
-
-
-def _written(letter: int) -> str:
-    # A byte of a file name that is no UTF-8 comes as one of these.
-    byte = letter - 0xDC00 if 0xDC80 <= letter <= 0xDCFF else letter
-    return f"\\x{byte:02x}" if byte < 0x100 else f"\\u{byte:04x}"
 
 
 def lines_of(head: str, rows: Sequence[Sequence[str]], *, most: int = MOST_LINES) -> str:

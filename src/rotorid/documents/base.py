@@ -13,8 +13,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import PydanticSerializationError
 from pydantic_core import to_json as in_json
 
-from rotorid.data.display import HIDDEN, cut, html_table, lines_of, visible
+from rotorid.data.display import cut, html_table, lines_of
 from rotorid.io.documents import DocumentError
+from rotorid.letters import HIDDEN, visible
 
 
 class Document(BaseModel):

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rotorid.data.display import visible
 from rotorid.documents.base import Document
 from rotorid.errors import RotoridError
 
@@ -33,8 +32,8 @@ def error_document(error: RotoridError, *, worded: Callable[[str], str] = str) -
     """
     return ErrorDocument(
         exit_code=error.exit_code,
-        came=visible(error.came),
-        needed=visible(worded(error.needed)),
-        remedy=visible(worded(error.remedy)),
-        message=visible(worded(str(error))),
+        came=error.came,
+        needed=worded(error.needed),
+        remedy=worded(error.remedy),
+        message=worded(str(error)),
     )

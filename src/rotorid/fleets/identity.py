@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
 from rotorid.io.documents import read_text
 from rotorid.io.files import beginning, write_atomically
+from rotorid.letters import visible
 
 _HEAD_BYTES = 4 << 20
 _MOST_TABLE_BYTES = 64 << 20

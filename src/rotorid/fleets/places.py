@@ -17,12 +17,12 @@ from typing import Any, TypeGuard
 from urllib.request import url2pathname
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import visible
 from rotorid.errors import LogError, UsageError
 from rotorid.fleets.table import MEMBER
 from rotorid.io.folders import scratch_folder
 from rotorid.io.formats import HEAD_BYTES
 from rotorid.io.named import find_logs, holds_log
+from rotorid.letters import visible
 
 _MOST_NAME_BYTES = 200
 """File systems take 255, and programs add to it."""

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from rotorid import __version__
-from rotorid.data.display import visible
 from rotorid.errors import UsageError
 from rotorid.fleets.engines import Cluster, Engine, Limits, Processes
 from rotorid.fleets.identity import read_named, read_salt
@@ -50,6 +49,7 @@ from rotorid.io.files import sha256_of
 from rotorid.io.folders import ResultKind, making, read_json, scratch_folder, target_folder
 from rotorid.io.log_order import time_of
 from rotorid.io.pool import cores
+from rotorid.letters import visible
 from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
 

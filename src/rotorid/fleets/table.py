@@ -20,11 +20,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
-from rotorid.data.display import visible
 from rotorid.errors import LogError, RotoridError, UsageError
 from rotorid.io.documents import parse_json, read_lines, require_file
 from rotorid.io.folders import replacing
 from rotorid.io.sandbox import extract
+from rotorid.letters import visible
 
 TABLE, FAILED, JOURNAL, SALT = "fleet.parquet", "failed.parquet", "fleet.journal", "fleet.salt"
 FILE, PAGE = "fleet.json", "fleet.html"

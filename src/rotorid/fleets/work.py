@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rotorid.data.base import Immutable
-from rotorid.data.display import visible
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, LogError, reason_of
 from rotorid.fleets.identity import board_of, hidden
@@ -22,6 +21,7 @@ from rotorid.fleets.table import REVIEW, Failed, Failure, LogAnswer, Row
 from rotorid.flights.motor_balance import patterns_of, rotor_geometry
 from rotorid.flights.same_vehicle import Aircraft, aircraft_of, gains_of
 from rotorid.io.registry import read
+from rotorid.letters import visible
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import ParameterEstimate
 from rotorid.settings.identifying import IdentifySettings

@@ -11,13 +11,13 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rotorid.data.display import visible
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError, UsageError
 from rotorid.io.registry import checked_record
 from rotorid.io.tables.mapped import assemble, of_columns
 from rotorid.io.tables.mapping import ChannelMapping, parse_mapping, read_mapping
 from rotorid.io.tables.scattered import Scattered, with_stamps
+from rotorid.letters import visible
 from rotorid.typing import FloatArray
 
 FORMAT = "arrays"

@@ -18,7 +18,6 @@ import numpy as np
 
 from rotorid.autopilots.autopilot import LogFormat
 from rotorid.autopilots.registry import named
-from rotorid.data.display import visible
 from rotorid.data.flight_plan import SimulatedFlight
 from rotorid.data.record import FlightRecord, Source
 from rotorid.data.sensor_filters import with_sensor_filters
@@ -33,6 +32,7 @@ from rotorid.io.tables.contradictions import require_agreement
 from rotorid.io.tables.csv import table_rate_hz
 from rotorid.io.tables.mapped import joined
 from rotorid.io.tables.mapping import ChannelMapping, read_mapping
+from rotorid.letters import visible
 
 _DECRYPT = "decrypt it with decrypt_logs.py of PX4's Tools/log_encryption and your private key, and give the .ulg"
 _NAMES_ALONE = "delete the lines above the names of the columns, and name the channels: --map FILE.toml"

@@ -11,8 +11,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rotorid.data.display import HIDDEN, cut, visible
+from rotorid.data.display import cut
 from rotorid.documents.answer import AnswerDocument, SpanDocument
+from rotorid.letters import HIDDEN, visible
 
 MOST_BYTES = 20_000
 """Largest answer, as text in UTF-8."""

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from rotorid.data.display import cut, visible
+from rotorid.data.display import cut
 from rotorid.errors import UsageError, listed
+from rotorid.letters import visible
 
 MOST_ENTRIES, MOST_DEPTH = 20_000, 6
 """Files and folders that a list looks at, and how deep it looks."""

@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rotorid import __version__
-from rotorid.data.display import cut, visible
+from rotorid.data.display import cut
 from rotorid.documents.answer import AnswerDocument, SpanDocument, State
 from rotorid.errors import RotoridError, UsageError
 from rotorid.io.documents import DocumentError, parse_json, read_text
 from rotorid.io.named import is_log
 from rotorid.lab.workers import Job, Places, Workers
+from rotorid.letters import visible
 from rotorid.mcp.answers import bounded, evidence, not_checked
 from rotorid.mcp.calls import (
     TOOLS,

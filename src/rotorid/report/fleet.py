@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rotorid.data.display import capital, counted, visible
+from rotorid.data.display import capital, counted
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, TWO_SIDED_95, minus, significant, with_error, with_interval, with_unit
 from rotorid.documents.fleet import (
@@ -31,6 +31,7 @@ from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.names import Shown, shown, words_of
 from rotorid.fleets.populations import Population
 from rotorid.fleets.table import REVIEW
+from rotorid.letters import visible
 from rotorid.plot.fleet import over_voltage
 from rotorid.report.frame import Picture, drawn, frequency_of, render
 
