@@ -1,6 +1,6 @@
-"""Every command with ``--out``, killed or without a disk at each of its calls that touch the results.
+"""Every command with ``--out``, killed or with a full or read-only disk at each call that touches the results.
 
-``python -m tests.hostile.interrupted FOLDER`` tries up to 100 calls of each command with both faults, keeps what became
+``python -m tests.hostile.interrupted FOLDER`` tries up to 100 calls of each command with each fault, keeps what became
 of them in ``FOLDER``, a file for each command, and prints the table; ``FOLDER COMMAND …`` tries some.
 """
 
@@ -89,7 +89,7 @@ def _environment() -> Mapping[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1"}
 
 
-def interrupted(words: Sequence[str], folder: Path, *, killed: int, full: int) -> list[dict[str, Any]]:
+def interrupted(words: Sequence[str], folder: Path, *, killed: int, full: int, read_only: int) -> list[dict[str, Any]]:
     """What became of a command and of its copies.
 
     Parameters
@@ -98,13 +98,14 @@ def interrupted(words: Sequence[str], folder: Path, *, killed: int, full: int) -
         The command, without ``--out``.
     folder
         An empty one, or one that is made.
-    killed, full
-        At how many of its calls it is killed, and at how many the disk is full from there on.
+    killed, full, read_only
+        At how many of its calls it is killed, and at how many the disk is full, or read-only, from there on.
     """
     for name in ("temporary", "home"):
         (folder / name).mkdir(parents=True, exist_ok=True)
+    moments = map(str, (killed, full, read_only))
     ran = subprocess.run(
-        [sys.executable, "-m", "tests.hostile.interrupted_child", str(folder / "work"), str(killed), str(full), *words],
+        [sys.executable, "-m", "tests.hostile.interrupted_child", str(folder / "work"), *moments, *words],
         env={**_environment(), "TMPDIR": str(folder / "temporary")},
         capture_output=True,
         text=True,
@@ -125,20 +126,25 @@ def faults(lines: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def row(name: str, lines: Sequence[Mapping[str, Any]]) -> str:
     """A row of the table, in Markdown."""
-    of = {fault: [line for line in lines if line["fault"] == fault] for fault in ("killed", "full", "none", "next run")}
-    kills = sum(line["ended"] < 0 for line in of["killed"])
-    counts = (of["none"][0]["calls"], of["next run"][0]["files"], kills, len(of["full"]), len(faults(lines)))
+    known = ("killed", "full", "read-only", "none", "next run")
+    of = {fault: [line for line in lines if line["fault"] == fault] for fault in known}
+    tried = (sum(line["ended"] < 0 for line in of["killed"]), len(of["full"]), len(of["read-only"]))
+    counts = (of["none"][0]["calls"], of["next run"][0]["files"], *tried, len(faults(lines)))
     return f"| {name} | {' | '.join(map(str, counts))} |"
 
 
 def main(folder: Path, names: Sequence[str]) -> int:
     """Try, keep, print; the number of faults, at most one."""
     places, wrong = inputs(folder / "inputs"), 0
-    print("| command | calls | files | killed | disk full | faults |\n|---|---|---|---|---|---|", flush=True)
+    print(
+        "| command | calls | files | killed | disk full | read-only | faults |\n|---|---|---|---|---|---|---|",
+        flush=True,
+    )
     for name in names or COMMANDS:
         kept = folder / f"{name}.jsonl"
         if not kept.exists():
-            lines = interrupted(made(COMMANDS[name], places), folder / name, killed=MOMENTS, full=MOMENTS)
+            words = made(COMMANDS[name], places)
+            lines = interrupted(words, folder / name, killed=MOMENTS, full=MOMENTS, read_only=MOMENTS)
             kept.write_text("".join(f"{json.dumps(line)}\n" for line in lines), encoding="utf-8")
         lines = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
         wrong += len(faults(lines))

@@ -1,9 +1,9 @@
-"""The child of `test_killed_runs`: one command, killed or without a disk at each of its calls that touch the results.
+"""The child of `test_killed_runs`: one command, killed or without a disk at each call that touches the results.
 
 The command runs once as a person would run it, and once more up to its first call that touches the folder of the
 results. From there on copies of the process go on, one after the other: the first counts the calls, each of the others
-is killed at one of them, or finds the disk full from there on; every second one finds no set of an earlier run. What
-they leave is looked at between them. At last the command itself goes on to its end.
+is killed at one of them, or finds the disk full or read-only from there on; every second one finds no set of an earlier
+run. What they leave is looked at between them. At last the command itself goes on to its end.
 
 A line of JSON for each copy: the fault, the call, how it ended, and what is wrong.
 """
@@ -27,7 +27,7 @@ import numpy as np
 from rotorid.cli.app import main as command
 from rotorid.io.folders import clear_leftovers
 
-Fault = Literal["killed", "full"]
+Fault = Literal["killed", "full", "read-only"]
 LONGEST_S = 300
 """A copy that has not ended by then is a fault."""
 STAYS = frozenset({"notes.txt", "fleet.journal", "fleet.salt", "fleet.lock"})
@@ -35,6 +35,7 @@ STAYS = frozenset({"notes.txt", "fleet.journal", "fleet.salt", "fleet.lock"})
 LEFTOVER = ".rotorid-making-"
 _TOUCHING = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.utime", "os.chmod")
 _FREEING = ("os.remove", "os.rmdir")
+_NUMBERS = {"full": errno.ENOSPC, "read-only": errno.EROFS}
 
 
 @dataclass
@@ -54,8 +55,9 @@ class Copy:
         if self.fault == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
         # A full disk stays full; what frees room goes on.
-        if event not in _FREEING:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        if self.fault != "full" or event not in _FREEING:
+            number = _NUMBERS[self.fault]
+            raise OSError(number, os.strerror(number))
 
 
 @dataclass
@@ -136,8 +138,8 @@ class Run:
         wrong = self.wrong(first=first)
         if "Traceback" in said or (fault == "killed" and ended not in (-signal.SIGKILL, 0)):
             wrong.append(f"ended with {ended}: {said[-300:]!r}")
-        if fault == "full" and ended not in (0, 1, 2):
-            wrong.append(f"a full disk ended it with {ended}: {said[-300:]!r}")
+        if fault != "killed" and ended not in (0, 1, 2):
+            wrong.append(f"a {fault} disk ended it with {ended}: {said[-300:]!r}")
         self.lines.append({"fault": fault, "at": at, "ended": ended, "wrong": wrong})
 
     def wrong(self, *, first: bool) -> list[str]:
@@ -195,5 +197,5 @@ def main(work: Path, plan: Sequence[tuple[Fault, int]], words: Sequence[str]) ->
 
 
 if __name__ == "__main__":
-    faults: list[tuple[Fault, int]] = [("killed", int(sys.argv[2])), ("full", int(sys.argv[3]))]
-    main(Path(sys.argv[1]), faults, sys.argv[4:])
+    killed, full, read_only = map(int, sys.argv[2:5])
+    main(Path(sys.argv[1]), [("killed", killed), ("full", full), ("read-only", read_only)], sys.argv[5:])

@@ -108,7 +108,7 @@ FORKS = pytest.mark.skipif(sys.platform != "linux", reason="each killed run is a
 
 @FORKS
 def test_a_command_that_is_killed_or_has_no_disk_leaves_a_whole_set_or_none(log: Path, tmp_path: Path) -> None:
-    lines = interrupted(["delay", str(log)], tmp_path, killed=8, full=4)
+    lines = interrupted(["delay", str(log)], tmp_path, killed=8, full=4, read_only=4)
     assert faults(lines) == []
     assert sum(line.get("ended") == -signal.SIGKILL for line in lines) >= 5
     assert not list((tmp_path / "temporary").iterdir())
@@ -119,7 +119,8 @@ def test_a_command_that_is_killed_or_has_no_disk_leaves_a_whole_set_or_none(log:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_commands_killed_and_without_a_disk_at_each_call(name: str, tmp_path: Path) -> None:
     words = made(COMMANDS[name], inputs(tmp_path / "inputs"))
-    assert faults(interrupted(words, tmp_path / "run", killed=MOMENTS, full=MOMENTS)) == []
+    lines = interrupted(words, tmp_path / "run", killed=MOMENTS, full=MOMENTS, read_only=MOMENTS)
+    assert faults(lines) == []
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a run is a copy of this process")
