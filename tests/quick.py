@@ -27,7 +27,7 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
-from tests.sources import no_collection, parts
+from tests.sources import SOURCE, no_collection, parts, syntax
 
 ROOT = Path(__file__).resolve().parents[1]
 LONG = (
@@ -181,14 +181,16 @@ class Tree:
         near |= {module: 1 for module, named in self.mirrors.items() if named in modules}
         near |= {module: 0 for module in modules if self.files[module].path in paths}
         words = {word for path in paths for word in _words(path)}
-        alike = {module: len(words & _words(self.files[module].path)) for module in near}
+        tests = [
+            (near[module], -len(words & _words(self.files[module].path)), cost_s, module)
+            for module, cost_s in self.routine_s.items()
+            if module in near
+        ]
         chosen: list[str] = []
         left_out: list[str] = []
         spent_s = 0.0
-        for module in sorted(near, key=lambda one: (near[one], -alike[one], self.duration_s(one), one)):
-            file, cost_s = self.files[module], self.duration_s(module)
-            if not file.is_test or file.slow:
-                continue
+        for _, _, cost_s, module in sorted(tests):
+            file = self.files[module]
             fits = not chosen or spent_s + cost_s <= budget_s
             if fits and (not near[module] or not file.path.startswith(LONG)):
                 chosen.append(file.path)
@@ -197,9 +199,14 @@ class Tree:
                 left_out.append(file.path)
         return Choice(tuple(chosen), tuple(left_out))
 
-    def duration_s(self, module: str) -> float:
-        """How long the tests of a file take."""
-        return self.durations_s.get(self.files[module].path, SHORT_S)
+    @cached_property
+    def routine_s(self) -> Mapping[str, float]:
+        """Test file that ``make test`` runs to how long its tests take."""
+        return {
+            module: self.durations_s.get(file.path, SHORT_S)
+            for module, file in self.files.items()
+            if file.is_test and not file.slow
+        }
 
 
 def distances(graph: Mapping[str, Iterable[str]], start: Iterable[str], *, within: int | None = None) -> dict[str, int]:
@@ -243,7 +250,9 @@ def _words(path: str) -> frozenset[str]:
 
 def read(path: Path, root: Path) -> File:
     """A Python file below a root."""
-    nodes = list(_running(ast.parse(path.read_text(encoding="utf-8"))))
+    # Other tests read the package too, and have its trees.
+    tree = syntax(path) if path.is_relative_to(SOURCE) else ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(_running(tree))
     bound: dict[str, str | None] = {}
     names: set[str] = set()
     tables: set[str] = set()
