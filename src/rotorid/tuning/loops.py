@@ -20,7 +20,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.models.controller import RateController
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.noise import RateNoise
-from rotorid.typing import ComplexArray, FloatArray, LoopName
+from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray, LoopName
 
 GRID = 170
 HIGHEST_RAD_S = KINDS["roll"].highest_rad_s
@@ -277,11 +277,7 @@ def loop_figures(omega_rad_s: FloatArray, loops: ComplexArray, *, from_rad_s: fl
     """
     loops = np.atleast_2d(loops)
     start = first_counted(omega_rad_s, from_rad_s)
-    rows = [
-        _figures_of(omega_rad_s, loop, phase, start)
-        for loop, phase in zip(loops, loop_phases(loops, start), strict=True)
-    ]
-    return LoopFigures(**{name: np.array([row[name] for row in rows]) for name in rows[0]})
+    return _figures_of(omega_rad_s, loops, loop_phases(loops, start), start)
 
 
 def first_counted(omega_rad_s: FloatArray, from_rad_s: float) -> int:
@@ -349,18 +345,20 @@ def attitude_figures(omega_rad_s: FloatArray, closed: ComplexArray) -> AttitudeF
     >>> round(float(found.bandwidth_rad_s[0]), 1), round(float(found.phase_delay_s[0]), 3)
     (23.6, 0.05)
     """
-    bandwidths, delays = [], []
-    ln = np.log(omega_rad_s)
-    for row in np.atleast_2d(closed):
-        phase = np.unwrap(np.angle(row))
-        falls = [
-            found[0] if (found := _crossings(ln, phase, level)).size else np.nan for level in (-0.75 * np.pi, -np.pi)
-        ]
-        half_turn = np.exp(falls[1])
-        beyond = np.interp(np.log(2.0 * half_turn), ln, phase, right=np.nan) if np.isfinite(half_turn) else np.nan
-        bandwidths.append(np.exp(falls[0]))
-        delays.append(-(beyond + np.pi) / (2.0 * half_turn))
-    return AttitudeFigures(bandwidth_rad_s=np.array(bandwidths), phase_delay_s=np.array(delays))
+    ln, phases = np.log(omega_rad_s), np.unwrap(np.angle(np.atleast_2d(closed)))
+    bandwidths, half_turns = (_first_fall(ln, phases, level) for level in (-0.75 * np.pi, -np.pi))
+    beyond = [
+        np.interp(np.log(2.0 * half_turn), ln, phase, right=np.nan) if np.isfinite(half_turn) else np.nan
+        for half_turn, phase in zip(half_turns, phases, strict=True)
+    ]
+    return AttitudeFigures(bandwidth_rad_s=bandwidths, phase_delay_s=-(np.array(beyond) + np.pi) / (2.0 * half_turns))
+
+
+def _first_fall(ln: FloatArray, phases: FloatArray, level: float) -> FloatArray:
+    """Lowest frequency at which each phase passes a level."""
+    falls = _Crossings.of(ln, phases, level)
+    rows, first = falls.first_by(falls.ln)
+    return _spread(len(phases), rows, falls.rad_s[first], np.nan)
 
 
 _DEG = float(np.degrees(1.0))
@@ -412,71 +410,133 @@ def over_draws(values: FloatArray, unit: str) -> Quantity:
     return Quantity(value=float(middle), std=float(np.std(values)), lower=float(low), upper=float(high), unit=unit)
 
 
-def _figures_of(omega: FloatArray, loop: ComplexArray, phase: FloatArray, start: int) -> dict[str, float]:
-    ln, gain = np.log(omega), np.log(np.abs(loop))
-    crossings = _crossings(ln, gain, 0.0)
-    phases = np.array([np.interp(place, ln, phase) for place in crossings])
-    margins = np.pi + phases
-    half_turns = _crossings(ln, phase, -np.pi)
-    gains = np.array([np.interp(place, ln, gain) for place in half_turns])
-    above, below = gains < 0.0, gains >= 0.0
-    sensitivity = 1.0 / np.abs(1.0 + loop)
-    up, up_at = _factor_to_critical(half_turns[above], gains[above])
-    down, down_at = _factor_to_critical(half_turns[below], gains[below])
-    peak = int(sensitivity.argmax())
-    return {
-        "crossover_rad_s": float(np.exp(crossings[-1])) if crossings.size else np.nan,
-        "phase_margin_rad": float(margins.min()) if crossings.size else np.nan,
-        "gain_margin": up if above.any() else np.inf,
-        "lower_gain_margin": down if below.any() else 0.0,
-        "delay_margin_s": float(np.min(margins / np.exp(crossings))) if crossings.size else np.nan,
-        "sensitivity_peak": float(sensitivity.max()),
-        "rejection_bandwidth_rad_s": _bandwidth(omega, sensitivity),
-        "stable": float(_stable(gain[start:], phase[start:])),
-        "gain_margin_rad_s": up_at,
-        "lower_gain_margin_rad_s": down_at,
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Crossings:
+    """Places at which curves of several draws pass a level, draw by draw, each rising in frequency.
+
+    Parameters
+    ----------
+    draws
+        How many there are.
+    row
+        Draw of each crossing.
+    left
+        Index of the frequency in front of it.
+    ln
+        Logarithm of its own frequency.
+    step
+        From that of the frequency in front of it, as a share of the way to the next one.
+    """
+
+    draws: int
+    row: IntArray
+    left: IntArray
+    ln: FloatArray
+    step: FloatArray
+
+    @classmethod
+    def of(cls, ln: FloatArray, values: FloatArray, level: float) -> _Crossings:
+        """Those of curves of shape ``(draws, f)`` over the logarithms of their frequencies."""
+        over = values - level
+        # A bound of the search puts a crossing right on a point: it lies below the level, and counts once.
+        above = over > 0.0
+        row, left = np.nonzero(above[:, :-1] != above[:, 1:])
+        step = over[row, left] / (over[row, left] - over[row, left + 1])
+        return cls(draws=len(values), row=row, left=left, ln=ln[left] + step * (ln[left + 1] - ln[left]), step=step)
+
+    def of_other(self, values: FloatArray) -> FloatArray:
+        """Another curve of each draw at the crossings."""
+        before, after = values[self.row, self.left], values[self.row, self.left + 1]
+        return np.asarray(before + self.step * (after - before))
+
+    @property
+    def rad_s(self) -> FloatArray:
+        """Frequencies."""
+        return np.exp(self.ln)
+
+    def where(self, chosen: BoolArray) -> _Crossings:
+        """Some of them."""
+        parts = {name: getattr(self, name)[chosen] for name in ("row", "left", "ln", "step")}
+        return _Crossings(draws=self.draws, **parts)
+
+    def least(self, values: FloatArray) -> FloatArray:
+        """Least of values at the crossings of each draw; infinite where it has none."""
+        found = np.full(self.draws, np.inf)
+        np.minimum.at(found, self.row, values)
+        return found
+
+    def first_by(self, order: FloatArray) -> tuple[IntArray, IntArray]:
+        """Draws that have crossings, and of each the crossing that comes first in an order."""
+        sorted_by = np.lexsort((order, self.row))
+        rows, first = np.unique(self.row[sorted_by], return_index=True)
+        return rows, sorted_by[first]
+
+
+def _spread(draws: int, rows: IntArray, values: FloatArray, missing: float) -> FloatArray:
+    """Values of some draws among all."""
+    found = np.full(draws, missing)
+    found[rows] = values
+    return found
+
+
+def _figures_of(omega: FloatArray, loops: ComplexArray, phases: FloatArray, start: int) -> LoopFigures:
+    draws = len(loops)
+    ln, gains = np.log(omega), np.log(np.abs(loops))
+    ones = _Crossings.of(ln, gains, 0.0)
+    margins = np.pi + ones.of_other(phases)
+    with_one, highest = ones.first_by(-ones.ln)
+    half_turns = _Crossings.of(ln, phases, -np.pi)
+    at_half_turns = half_turns.of_other(gains)
+    above = at_half_turns < 0.0
+    up, up_at = _factor_to_critical(half_turns.where(above), at_half_turns[above], missing=np.inf)
+    down, down_at = _factor_to_critical(half_turns.where(~above), at_half_turns[~above], missing=0.0)
+    sensitivity = 1.0 / np.abs(1.0 + loops)
+    peak = sensitivity.argmax(axis=1)
+    return LoopFigures(
+        crossover_rad_s=_spread(draws, with_one, ones.rad_s[highest], np.nan),
+        phase_margin_rad=_spread(draws, with_one, ones.least(margins)[with_one], np.nan),
+        gain_margin=up,
+        lower_gain_margin=down,
+        delay_margin_s=_spread(draws, with_one, ones.least(margins / ones.rad_s)[with_one], np.nan),
+        sensitivity_peak=sensitivity.max(axis=1),
+        rejection_bandwidth_rad_s=_bandwidth(omega, sensitivity),
+        stable=_stable(gains[:, start:], phases[:, start:]).astype(np.float64),
+        gain_margin_rad_s=up_at,
+        lower_gain_margin_rad_s=down_at,
         # What still rises at the highest frequency has its peak somewhere else.
-        "sensitivity_peak_rad_s": float(omega[peak]) if peak < omega.size - 1 else np.nan,
-    }
+        sensitivity_peak_rad_s=np.where(peak < omega.size - 1, omega[peak], np.nan),
+    )
 
 
-def _factor_to_critical(places: FloatArray, gains: FloatArray) -> tuple[float, float]:
-    """The factor that brings the loop to -1 where the least is needed, and the frequency there."""
-    if not gains.size:
-        return np.nan, np.nan
-    row = int(np.abs(gains).argmin())
-    return float(np.exp(-gains[row])), float(np.exp(places[row]))
+def _factor_to_critical(places: _Crossings, gains: FloatArray, *, missing: float) -> tuple[FloatArray, FloatArray]:
+    """The factor that brings each loop to -1 where the least is needed, and the frequency there."""
+    rows, least = places.first_by(np.abs(gains))
+    factors = _spread(places.draws, rows, np.exp(-gains[least]), missing)
+    return factors, _spread(places.draws, rows, places.rad_s[least], np.nan)
 
 
-def _crossings(at: FloatArray, values: FloatArray, level: float) -> FloatArray:
-    """Places at which a curve passes a level."""
-    over = values - level
-    # A bound of the search puts a crossing right on a point: it lies below the level, and counts once.
-    above = over > 0.0
-    found = np.flatnonzero(above[:-1] != above[1:])
-    share = over[found] / (over[found] - over[found + 1])
-    return np.asarray(at[found] + share * (at[found + 1] - at[found]))
+def _bandwidth(omega: FloatArray, sensitivity: FloatArray) -> FloatArray:
+    beyond = sensitivity > _MINUS_3_DB
+    first = beyond.argmax(axis=1)
+    rows = np.flatnonzero(first > 0)
+    last = first[rows]
+    before, after = sensitivity[rows, last - 1], sensitivity[rows, last]
+    share = (_MINUS_3_DB - before) / (after - before)
+    return _spread(len(sensitivity), rows, omega[last - 1] + share * (omega[last] - omega[last - 1]), np.nan)
 
 
-def _bandwidth(omega: FloatArray, sensitivity: FloatArray) -> float:
-    beyond = np.flatnonzero(sensitivity > _MINUS_3_DB)
-    if not beyond.size or beyond[0] == 0:
-        return np.nan
-    last = beyond[0]
-    return float(np.interp(_MINUS_3_DB, sensitivity[last - 1 : last + 1], omega[last - 1 : last + 1]))
-
-
-def _stable(gain: FloatArray, phase: FloatArray) -> bool:
-    """Whether 1 + L does not wind around zero, by logarithm of the gain and phase from the first frequency on."""
+def _stable(gains: FloatArray, phases: FloatArray) -> BoolArray:
+    """Whether 1 + L does not wind around zero, by logarithms of gains and phases from the first frequency on."""
     # Whole turns below -180 degrees: each step of it is a crossing of the negative real axis.
-    turns = np.floor((phase + np.pi) / (2.0 * np.pi))
-    at = np.flatnonzero(np.diff(turns))
-    levels = 2.0 * np.pi * np.maximum(turns[at], turns[at + 1]) - np.pi
-    share = (levels - phase[at]) / (phase[at + 1] - phase[at])
-    beyond = gain[at] + share * (gain[at + 1] - gain[at]) > 0.0
-    rises = float(np.sum((turns[at + 1] - turns[at])[beyond]))
+    turns = np.floor((phases + np.pi) / (2.0 * np.pi))
+    row, at = np.nonzero(np.diff(turns, axis=1))
+    before, after = turns[row, at], turns[row, at + 1]
+    levels = 2.0 * np.pi * np.maximum(before, after) - np.pi
+    share = (levels - phases[row, at]) / (phases[row, at + 1] - phases[row, at])
+    beyond = gains[row, at] + share * (gains[row, at + 1] - gains[row, at]) > 0.0
+    rises = np.bincount(row[beyond], weights=(after - before)[beyond], minlength=len(gains))
     # A loop with three integrals begins below -180 degrees: with much gain there it has to rise above it once.
-    return rises == (-turns[0] if gain[0] > 0.0 else 0.0)
+    return np.asarray(rises == np.where(gains[:, 0] > 0.0, -turns[:, 0], 0.0))
 
 
 def attitude_rms(
