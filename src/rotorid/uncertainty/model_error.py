@@ -211,7 +211,7 @@ def _part(shapes: ErrorShapes, place: int, rows: IntArray) -> ErrorShapes:
 
 def _coarse(likelihood: _Likelihood, grid: FloatArray) -> tuple[float, float]:
     """The best of some sizes of a single group, its value first."""
-    return min((likelihood(np.array([size]))[0], float(size)) for size in grid)
+    return min((likelihood.value(np.array([size])), float(size)) for size in grid)
 
 
 def _scale_of(shapes: ErrorShapes, variance: FloatArray) -> FloatArray:
@@ -256,17 +256,28 @@ class _Likelihood:
     def _sizes(self, logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs @ self.member))
 
+    def value(self, logs: FloatArray) -> float:
+        """It alone, in a third of the time."""
+        return self._solved(logs)[0]
+
     def __call__(self, logs: FloatArray) -> tuple[float, FloatArray]:
-        from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+        from scipy.linalg.lapack import dpotri
+
+        value, root, x = self._solved(logs)
+        inverse = dpotri(root, lower=1)[0]
+        return value, self.member @ (1.0 - np.diag(inverse) - x**2)
+
+    def _solved(self, logs: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        from scipy.linalg.lapack import dpotrf, dpotrs
 
         D = self._sizes(logs)
         # A search comes here hundreds of times: one triangle gives determinant, solution and diagonal of the inverse.
         root, failed = dpotrf(np.eye(D.size) + D[:, None] * self.S * D, lower=1)
         if failed:
             raise np.linalg.LinAlgError("model errors of no finite size")
-        x, inverse = dpotrs(root, D * self.y, lower=1)[0], dpotri(root, lower=1)[0]
+        x = dpotrs(root, D * self.y, lower=1)[0]
         value = self.rest + float(np.log(np.diag(root)).sum()) - 0.5 * float((D * self.y) @ x)
-        return value, self.member @ (1.0 - np.diag(inverse) - x**2)
+        return value, root, x
 
     def best(self, start: FloatArray, tops: FloatArray) -> FloatArray:
         """The most likely logarithms of the sizes up to some, from a start near them."""
