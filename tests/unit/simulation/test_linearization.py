@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from functools import cache
+from typing import Literal, TypeAlias
 
 import numpy as np
 import pytest
 from tests.unit.simulation import craft
 from tests.unit.simulation.test_multirotor import plus
 
-from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
+from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput, SimulatedFlight
 from rotorid.data.record import AXES
 from rotorid.models.physical import MIXER, hover_derivatives
 from rotorid.simulation.autopilot import Autopilot
@@ -26,7 +27,7 @@ from rotorid.simulation.linearization import (
 )
 from rotorid.simulation.multirotor import PERFECT, STATES, Multirotor, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft, fly_multirotor
-from rotorid.typing import Axis, FloatArray
+from rotorid.typing import Axis, ComplexArray, FloatArray
 
 PLACE = (0.03, 0.02, -0.04)
 
@@ -153,15 +154,39 @@ def test_two_lags_are_replaced_by_their_mean(slow: bool) -> None:
     np.testing.assert_allclose(np.diag(system.F)[len(MOTION) :], -1.0 / mean_s, rtol=1e-12)
 
 
-def linear_flight(aircraft: Aircraft, axis: int, entry: Entry, added: FloatArray) -> FloatArray:
-    """Outputs of the linear loop under a test input that comes back at rest, shape ``(12, n)``."""
-    autopilot = aircraft.autopilot
-    plant = linearize(aircraft.vehicle, autopilot, accelerometer_m=aircraft.sensors.accelerometer_place_m)
-    omega = 2.0 * np.pi * autopilot.rate_hz / added.size * np.arange(1.0, added.size // 2 + 1)
+Kind: TypeAlias = Literal["px4", "ardupilot"]
+
+
+@cache
+def small_aircraft(kind: Kind) -> Aircraft:
+    sensors = replace(PERFECT, gyro_lag_s=0.002, accelerometer_place_m=PLACE)
+    return Aircraft(vehicle=craft.vehicle(), autopilot=craft.autopilot(kind, rate_hz=800.0), sensors=sensors)
+
+
+@cache
+def still_flight(kind: Kind, duration_s: float) -> SimulatedFlight:
+    """The same flight without a test input."""
+    return fly_multirotor(small_aircraft(kind), duration_s=duration_s, settle_s=5.0)
+
+
+@cache
+def linear_loop(kind: Kind, samples: int) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Frequencies of a flight, and its vehicle and the loop around it there."""
+    aircraft = small_aircraft(kind)
+    autopilot, sensors = aircraft.autopilot, aircraft.sensors
+    plant = linearize(aircraft.vehicle, autopilot, accelerometer_m=sensors.accelerometer_place_m)
+    omega = 2.0 * np.pi * autopilot.rate_hz / samples * np.arange(1.0, samples // 2 + 1)
     responses = np.moveaxis(plant.response(omega), -1, 0)
-    feedback = np.moveaxis(feedback_of(autopilot, gyro_lag_s=aircraft.sensors.gyro_lag_s).response(omega), -1, 0)
+    feedback = np.moveaxis(feedback_of(autopilot, gyro_lag_s=sensors.gyro_lag_s).response(omega), -1, 0)
+    return omega, responses, np.eye(4) - feedback @ responses
+
+
+def linear_flight(kind: Kind, axis: int, entry: Entry, added: FloatArray) -> FloatArray:
+    """Outputs of the linear loop under a test input that comes back at rest, shape ``(12, n)``."""
+    omega, responses, loop = linear_loop(kind, added.size)
+    autopilot = small_aircraft(kind).autopilot
     entering = np.moveaxis(entry_of(autopilot, entry).response(omega), -1, 0)[:, :, axis, None]
-    commands = np.linalg.solve(np.eye(4) - feedback @ responses, entering)
+    commands = np.linalg.solve(loop, entering)
     spectrum = (responses @ commands)[:, :, 0].T * np.fft.rfft(added)[1:]
     whole = np.concatenate([np.zeros((len(OUTPUTS), 1)), spectrum], axis=1)
     return np.fft.irfft(whole, added.size, axis=1)
@@ -180,22 +205,19 @@ def linear_flight(aircraft: Aircraft, axis: int, entry: Entry, added: FloatArray
     ],
 )
 def test_a_small_doublet_flies_as_the_linear_loop_says(
-    kind: Literal["px4", "ardupilot"], axis: Axis, entry: Entry, shown: tuple[str, ...]
+    kind: Kind, axis: Axis, entry: Entry, shown: tuple[str, ...]
 ) -> None:
-    autopilot = craft.autopilot(kind, rate_hz=800.0)
-    sensors = replace(PERFECT, gyro_lag_s=0.002, accelerometer_place_m=PLACE)
-    aircraft = Aircraft(vehicle=craft.vehicle(), autopilot=autopilot, sensors=sensors)
-    size, rate_hz = 1e-4, autopilot.rate_hz
+    size, rate_hz = 1e-4, small_aircraft(kind).autopilot.rate_hz
     values = np.repeat([size, -size, 0.0], [160, 160, 1])
     one = PlannedInput(
         axis=axis, shape="doublet", start_s=0.5, values=values, sample_rate_hz=rate_hz, amplitude=size, entry=entry
     )
     plan = FlightPlan(name="small", inputs=(one,), trim_s=30.0)
-    moved = fly_multirotor(aircraft, plan, settle_s=5.0)
-    still = fly_multirotor(aircraft, duration_s=plan.duration_s, settle_s=5.0)
+    moved = fly_multirotor(small_aircraft(kind), plan, settle_s=5.0)
+    still = still_flight(kind, plan.duration_s)
     added = np.zeros(moved.samples)
     added[400 : 400 + values.size] = values
-    predicted = linear_flight(aircraft, AXES.index(axis), entry, added)
+    predicted = linear_flight(kind, AXES.index(axis), entry, added)
     places = dict(zip("uvw", ("velocity_north", "velocity_east", "velocity_down"), strict=True))
     for name in shown:
         source = "raw" if name == "az" else "truth"
