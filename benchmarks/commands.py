@@ -34,13 +34,14 @@ class Job(NamedTuple):
     """A command, in which ``@log`` stands for a file of the data folder.
 
     ``bar`` is how many times Y it may cost. ``warm_up`` is a shorter command that compiles the same, which marks the
-    command as a long one.
+    command as a long one. ``before`` are commands whose files it works on.
     """
 
     name: str
     command: str
     bar: float
     warm_up: str = ""
+    before: tuple[str, ...] = ()
 
 
 class Cost(NamedTuple):
@@ -72,31 +73,40 @@ _AXES = (
 )
 
 JOBS = (
-    Job("inspect, .BIN of 22 MB", f"inspect {_ROLL}", 1.2),
-    Job("identify rate.roll, .BIN of 22 MB, with report", f"identify {_ROLL} --model rate.roll", 2.0),
-    Job("review, .BIN of 22 MB, with page", f"review {_ROLL}", 8.0),
+    Job("inspect, .BIN of 22 MB", f"inspect {_ROLL}", 0.8),
+    Job("identify rate.roll, .BIN of 22 MB, with report", f"identify {_ROLL} --model rate.roll", 1.6),
+    Job("review, .BIN of 22 MB, with page", f"review {_ROLL}", 4.0),
     Job(
         "identify hover.longitudinal, S500, with doublets",
         f"identify {_S500} --verify @s500/pitch_doublets.csv --verify @s500/thrust_doublets.csv",
-        3.5,
+        3.0,
     ),
     Job("identify hover.full, four PX4 logs", f"identify {_PX4} --model hover.full", 5.0),
     Job(
         "identify physical.motors, four PX4 logs",
         f"identify {_PX4} --model physical.motors --fix m=1 --fix kappa=0.02 --arm 0.283",
-        5.0,
+        4.0,
+    ),
+    Job(
+        "tune, result of three axes",
+        "tune model --force",
+        3.0,
+        before=(
+            "example px4 --out example",
+            "identify example/flight.ulg --model rate.roll,rate.pitch,rate.yaw --out model",
+        ),
     ),
     Job(
         "identify hover.longitudinal by prediction error",
         f"identify {_S500} --method prediction_error",
-        12.0,
+        9.0,
         warm_up="identify @px4_sitl/roll.ulg --model rate.roll --method prediction_error",
     ),
     *(
         Job(
             f"identify black_box:{order}, Bebop, cross-validated",
             f"identify {_BEBOP} --model black_box:{order} {_AXES} --cross-validate each",
-            20.0,
+            12.0,
             warm_up=f"identify @bebop/ident/120935.mat --model black_box:{order} {_AXES}",
         )
         for order in (3, 4)
@@ -131,12 +141,17 @@ def cost(job: Job) -> Cost:
     """Run a command and the start of Python in turn, the start first and last."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        cpu_s(_words(job.warm_up or job.command), folder)
+        _warm_up(job, folder)
         starts, commands = [cpu_s(START, folder)], []
         for _ in range(1 if job.warm_up else REPEATS):
             commands.append(cpu_s(_words(job.command), folder))
             starts.append(cpu_s(START, folder))
     return Cost(job, statistics.median(commands), statistics.median(starts))
+
+
+def _warm_up(job: Job, folder: Path) -> None:
+    for command in (*job.before, job.warm_up or job.command):
+        cpu_s(_words(command), folder)
 
 
 def _words(command: str) -> list[str]:
@@ -157,7 +172,7 @@ def seconds_by_stage(job: Job) -> tuple[dict[str, float], dict[str, float]]:
     """Processor time of a command by stage, and of its dearest functions, on its second run."""
     with tempfile.TemporaryDirectory() as name:
         folder, answer = Path(name), Path(name) / "answer.json"
-        cpu_s(_words(job.warm_up or job.command), folder)
+        _warm_up(job, folder)
         cpu_s([str(Path(stages.__file__)), str(answer), *_words(job.command)[2:]], folder)
         found = json.loads(answer.read_text(encoding="utf-8"))
     return found["stages"], found["functions"]

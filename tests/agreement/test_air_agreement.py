@@ -16,7 +16,8 @@ from rotorid.identifying.identification import identify
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import FlightPhysics
 from rotorid.reviewing.flight import flight
-from rotorid.reviewing.values import FlightSummary, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import FlightSummary
 
 pytestmark = pytest.mark.slow
 

@@ -28,3 +28,12 @@ def modules_after(statement: str) -> set[str]:
 )
 def test_nothing_heavy_is_imported(statement: str, forbidden: tuple[str, ...]) -> None:
     assert modules_after(statement).isdisjoint(forbidden)
+
+
+def test_inspecting_imports_no_fit() -> None:
+    # What a log is good for is known from what it holds; models are fitted by another command.
+    statement = "import rotorid.reviewing.inspection, rotorid.identifying.families, rotorid.report.inspection_words"
+    code = f"{statement}\nimport sys; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
+    fits = ("rotorid.fits.", "rotorid.search.", "rotorid.documents.", "rotorid.checking.", "numba", "jinja2")
+    assert [name for name in loaded if name.startswith(fits)] == []

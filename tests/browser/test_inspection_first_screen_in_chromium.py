@@ -9,7 +9,8 @@ import pytest
 from tests.browser.first_screen import PHONE, first_screen, written
 from tests.unit.report.test_inspection_page import flight
 
-from rotorid.report.inspection import not_for, render_inspection
+from rotorid.report.inspection import render_inspection
+from rotorid.report.inspection_words import not_for
 from rotorid.reviewing.inspection import inspect
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -11,7 +11,8 @@ import pytest
 import rotorid
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
 from rotorid.reviewing.loops import loops
-from rotorid.reviewing.values import LoopReview, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import LoopReview
 
 FREESTYLE_S = (45.0, 165.0)
 

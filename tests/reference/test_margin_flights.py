@@ -13,7 +13,8 @@ from rotorid.data.record import FlightRecord
 from rotorid.flights.whole_flights import flown, loop_response
 from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import MarginReview
 
 Told = tuple[dict[str, MarginReview], dict[str, Unavailable]]
 

@@ -10,7 +10,8 @@ import pytest
 import rotorid
 from rotorid.flights.whole_flights import flown
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import MarginReview
 from rotorid.typing import Axis
 
 OFFBOARD, GUIDED = "px4_sih_offboard_plan.ulg.xz", "ap_x_guided_multisine.BIN.xz"

@@ -31,7 +31,8 @@ from rotorid.loops.rate_loops import NUMBERS
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import MarginReview
 from rotorid.simulation.hover_flight import OUTPUTS
 from rotorid.simulation.linearization import linearize
 from rotorid.simulation.multirotor import PERFECT

@@ -26,7 +26,7 @@ from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.measure import Measured, default_band
 from rotorid.flights.segments import cut, source_of
 from rotorid.models.state_space import StateSpace
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.settings.verifying import VerifySettings
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.typing import Axis, FloatArray

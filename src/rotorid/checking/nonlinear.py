@@ -38,7 +38,8 @@ from rotorid.flights.segments import TimeRecords, absolute_records, holds
 from rotorid.flights.selection import Selection, require_reached
 from rotorid.models.nonlinear import NonlinearStructure
 from rotorid.models.parameter import ParameterSet
-from rotorid.results.model import Segment, Verifications
+from rotorid.results.model import Verifications
+from rotorid.results.segment import Segment
 from rotorid.settings.flying import FlySettings
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.verifying import VerifySettings

@@ -23,7 +23,8 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.segments import TimeRecords, time_records, with_surroundings
 from rotorid.flights.selection import Selection, select_records
 from rotorid.models.structure import LinearStructure, connected
-from rotorid.results.model import Segment, Verifications
+from rotorid.results.model import Verifications
+from rotorid.results.segment import Segment
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.verification.scores import j_rms

@@ -15,10 +15,11 @@ import numpy as np
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import Maneuver
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import fitted_band
 from rotorid.fits.frequency.inverse import pose_screened
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_costs, point_weights, usable_points
+from rotorid.fitting.frequency.problem import pair_costs, point_weights, usable_points
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axis_of, is_command
 from rotorid.flights.measure import Measured, measure

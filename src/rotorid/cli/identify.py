@@ -488,7 +488,7 @@ def _runs(runs: SearchRuns) -> Iterator[str]:
 
 def _verified(document: ResultDocument) -> Iterator[str]:
     """How well the model predicts data it was not fitted to."""
-    from rotorid.fitting.frequency.problem import EXCELLENT_COST
+    from rotorid.data.trust import EXCELLENT_COST
 
     for record, outputs in document.verification.records.items():
         scores = ", ".join(f"{name} TIC {s.tic:.2f}, fit {s.nrmse_fit_percent:.0f} %" for name, s in outputs.items())

@@ -159,7 +159,7 @@ def _print(
 ) -> None:
     """What the log is good for and what not, warnings, and what to do next; with ``verbose`` everything else too."""
     from rotorid.cli.console import output_console, print_findings, print_lines
-    from rotorid.report.inspection import further_findings, good_with_options
+    from rotorid.report.inspection_words import further_findings, good_with_options
 
     console = output_console()
 
@@ -245,13 +245,13 @@ def _head(inspection: Inspection) -> Iterator[str]:
 
 
 def _good_for(inspection: Inspection) -> Iterator[str]:
-    from rotorid.report.inspection import good_for
+    from rotorid.report.inspection_words import good_for
 
     yield from [f"  {models}: {words}" for models, words in good_for(inspection)] or ["  no model"]
 
 
 def _not_for(inspection: Inspection) -> Iterator[str]:
-    from rotorid.report.inspection import not_for
+    from rotorid.report.inspection_words import not_for
 
     for row in not_for(inspection):
         yield f"  {row.what}: {row.why}{f'; {row.remedy}' if row.remedy else ''}"

@@ -33,6 +33,15 @@ is judged where this would show."""
 LEAST_WIDTH = 2.0
 """Highest over lowest frequency of what a fit needs: below an octave, gain, damping and delay cannot be separated."""
 
+LOWEST_TOP_RAD_S = 8.0
+"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
+
+ACCEPTABLE_COST = 100.0
+"""Average cost up to which a model is acceptable: the guideline of CIFER."""
+
+EXCELLENT_COST = 50.0
+"""Average cost up to which a model is practically indistinguishable from the flight: the same guideline."""
+
 CRAMER_RAO_GUIDELINE_PERCENT = 20.0
 """Cramér–Rao bound of CIFER up to which a parameter is usual; above it, it trades against others."""
 

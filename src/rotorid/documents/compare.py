@@ -26,7 +26,7 @@ from rotorid.results.summary import DelayBudget, FitVerdict, ParameterEstimate, 
 from rotorid.results.verdicts import has_value, verdict
 from rotorid.reviewing.measured_steps import with_measured
 from rotorid.uncertainty.differences import Difference, Verdict, differences
-from rotorid.verification.fixed_parameters import Kind
+from rotorid.verification.verification import Kind
 
 
 class CrossValidatedDocument(Document):

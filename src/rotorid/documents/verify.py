@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
 from rotorid.checking.checks import flight_scores, sweep_check
 from rotorid.data.display import counted
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument, Shown, ShownDocument, finding_lines
-from rotorid.identifying.verification import Verified
 from rotorid.results.model import Refused
 from rotorid.results.summary import FlightScores, ManeuverCheck, Range, SweepCheck
 from rotorid.verification.flight import together
 from rotorid.verification.scores import scaled_guidelines
+
+if TYPE_CHECKING:
+    from rotorid.identifying.verification import Verified
 
 
 class GuidelineDocument(Document):

@@ -9,12 +9,9 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import with_error
-from rotorid.data.trust import CERTAIN_SIGN, LEAST_WIDTH, SMALL_ERROR
+from rotorid.data.trust import CERTAIN_SIGN, LEAST_WIDTH, LOWEST_TOP_RAD_S, SMALL_ERROR
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.problem import FrequencyProblem
-from rotorid.fitting.frequency.screening import (
-    LOWEST_TOP_RAD_S,
-)
 from rotorid.flights.measure import Measured
 from rotorid.flights.supports import nothing_above
 from rotorid.models.library import RATE_AXES

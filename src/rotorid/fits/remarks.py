@@ -11,7 +11,9 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import beyond, milliseconds, minus, percent
 from rotorid.data.record import AXES
 from rotorid.data.trust import (
+    ACCEPTABLE_COST,
     CRAMER_RAO_GUIDELINE_PERCENT,
+    EXCELLENT_COST,
     FITTED_SHARE,
     INSENSITIVITY_GUIDELINE_PERCENT,
     LARGEST_RANDOM_ERROR,
@@ -19,13 +21,7 @@ from rotorid.data.trust import (
 )
 from rotorid.errors import ModelError
 from rotorid.fits.data_requirements import main_pairs
-from rotorid.fitting.frequency.problem import (
-    ACCEPTABLE_COST,
-    EXCELLENT_COST,
-    FrequencyProblem,
-    pair_names,
-    random_costs,
-)
+from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names, random_costs
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.measure import Measured
 from rotorid.models.families import family_of

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,11 +31,13 @@ from rotorid.results.summary import (
     SharedPoint,
 )
 from rotorid.search.result import Basin, Exchange, Progress, SearchResult
-from rotorid.search.spread import Repeated, SearchSpread, spread_over_starts
 from rotorid.settings.identifying import EVALUATIONS, IdentifySettings
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.uncertainty.resampling import SpreadTable
+
+if TYPE_CHECKING:
+    from rotorid.search.spread import SearchSpread
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -144,6 +147,8 @@ def searched(problem: Problem, settings: IdentifySettings) -> Searched | None:
     result = chosen.run(shorter, budget=budget, seed=settings.seed, progress=say)
     runs = None
     if settings.runs is not None:
+        from rotorid.search.spread import Repeated, spread_over_starts
+
         free = problem.parameters.free
         with pool(settings.workers) as workers:
             runs = spread_over_starts(

@@ -15,7 +15,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from rotorid.data.base import Immutable, read_only
-from rotorid.fitting.frequency.problem import EXCELLENT_COST, coherence_weight, log_error, pair_costs, residual_scales
+from rotorid.data.trust import EXCELLENT_COST
+from rotorid.fitting.frequency.problem import coherence_weight, log_error, pair_costs, residual_scales
 from rotorid.fitting.least_squares import LevenbergMarquardt
 from rotorid.typing import BoolArray, ComplexArray, FloatArray
 

@@ -21,7 +21,7 @@ from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, TimeHistory, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.flights import Flight
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.signal.airborne import Airborne
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.clock import resample

@@ -38,7 +38,7 @@ from rotorid.flights.segments import cut, histories, holds, require_known, sourc
 from rotorid.flights.thrust_slope import curvature, with_slope_changes
 from rotorid.flights.tilt_errors import logged_angles, with_tilt_errors
 from rotorid.flights.unchecked import unchecked_scales, with_unchecked_errors
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.results.summary import RemovedFilters
 from rotorid.settings.measuring import CompositionChoice, MeasureSettings, TaperChoice
 from rotorid.signal.autopilot_filters import filter_findings, given_filters, known_filters

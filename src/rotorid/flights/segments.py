@@ -27,7 +27,7 @@ from rotorid.flights.instruments import is_injection, while_flying
 from rotorid.flights.steady_wind import LEANING, without_steady_drag
 from rotorid.models.families import family_of
 from rotorid.models.structure import LinearStructure, connected
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.signal.airborne import airborne_by_thrust, flight_around
 from rotorid.signal.clock import Conditioned, missing_channel, resample, source_topic

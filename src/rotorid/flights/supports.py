@@ -20,8 +20,8 @@ from rotorid.data.base import Immutable
 from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, Maneuver
+from rotorid.data.trust import LOWEST_TOP_RAD_S
 from rotorid.errors import InsufficientDataError, RotoridError
-from rotorid.fitting.frequency.screening import LOWEST_TOP_RAD_S
 from rotorid.flights.flights import Flight, longest_flight, never_flew
 from rotorid.flights.instruments import find_instrument, is_free, own_instrument
 from rotorid.flights.motor_band import fastest_motors

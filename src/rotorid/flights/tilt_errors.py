@@ -33,7 +33,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import is_command
 from rotorid.flights.while_moving import WeightedMean, input_weighted_mean
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.typing import FloatArray
 
 ANGLES: Mapping[str, str] = MappingProxyType({"roll_command": "phi", "pitch_command": "theta"})

@@ -33,13 +33,8 @@ from rotorid.results.summary import BestFold, CrossValidationSummary, FoldParame
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.resolve import resolve_model
 from rotorid.verification import fixed_parameters as engine
-from rotorid.verification.fixed_parameters import (
-    CrossValidation,
-    FixedParameterScores,
-    Fold,
-    Kind,
-    fit_percent,
-)
+from rotorid.verification.fixed_parameters import CrossValidation, FixedParameterScores, Fold, fit_percent
+from rotorid.verification.verification import Kind
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 

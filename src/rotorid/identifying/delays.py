@@ -26,8 +26,9 @@ from rotorid.flights.segments import cut, histories, other_sources, require_know
 from rotorid.flights.selection import chosen_maneuvers, default_pairs, each_once
 from rotorid.identifying.command_rates import CommandRate, buffered, command_rates
 from rotorid.io.records import as_records
-from rotorid.results.model import Records, Segment
+from rotorid.results.model import Records
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
+from rotorid.results.segment import Segment
 from rotorid.settings.measuring import MeasureSettings
 from rotorid.settings.option import as_settings
 from rotorid.signal.clock import missing_channel

@@ -9,16 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError, listed
-from rotorid.identifying.flight import Flights
-from rotorid.identifying.hover_physics import hover_of_vehicle
-from rotorid.identifying.methods import Frequency, InTime, Method
-from rotorid.identifying.motor_speed import MotorSpeeds
-from rotorid.identifying.motors import Motors
-from rotorid.identifying.nonlinear import Nonlinear, asked_parameters
+from rotorid.flights.flight_data import flight_data
+from rotorid.flights.motor_data import motor_data
 from rotorid.models.derived import require_useful
 from rotorid.models.families import FLIGHT, HOVER, LARGE_MOTION, MOTOR_SPEED, MOTORS, RIG, family_of
 from rotorid.models.input_units import in_logged_units
@@ -28,6 +24,11 @@ from rotorid.settings.identifying import IdentifySettings, MethodChoice
 from rotorid.settings.motors import MotorMethod, motor_settings
 from rotorid.settings.option import options_given
 from rotorid.settings.resolve import Model, read_model, resolve_model
+
+if TYPE_CHECKING:
+    from rotorid.identifying.methods import Method
+
+# The methods of a family are imported where a model of it is fitted: a log of one vehicle needs one or two of six.
 
 Read: TypeAlias = str | LinearStructure | NonlinearStructure
 """A model whose file was read: a structure, or a name of the library."""
@@ -57,6 +58,8 @@ class Fitting:
     ----------
     method
         The method for a model, with the logs in which it finds its channels, and the choices of the run.
+    prepare
+        What the method does before it fits, where that needs no method.
     choices
         Fields of :class:`rotorid.settings.identifying.IdentifySettings` that its models have.
     methods
@@ -78,6 +81,7 @@ class Fitting:
     no_option: _Refusal | None = None
     only_with: Mapping[str, str] = field(default_factory=dict)
     check: Callable[[Read, IdentifySettings], object] = lambda _, __: None
+    prepare: Callable[[Sequence[FlightRecord], IdentifySettings], object] | None = None
 
 
 def logged_by_all(records: Sequence[FlightRecord]) -> tuple[str, ...]:
@@ -104,11 +108,15 @@ def _of_logged_motors(structure: LinearStructure, records: Sequence[FlightRecord
 
 
 def _hover(_: Read, records: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    from rotorid.identifying.hover_physics import hover_of_vehicle
+
     return _of_structure(hover_of_vehicle(records, settings), settings)
 
 
 def _of_structure(structure: LinearStructure, settings: IdentifySettings) -> Method[Any, Any]:
     """By the method of the settings, else responses to set-points in time and all others in frequency."""
+    from rotorid.identifying.methods import Frequency, InTime
+
     require_useful(structure.parameters.names, settings.known, model=structure.name)
     name = settings.method
     if name == "auto":
@@ -120,11 +128,33 @@ def _of_structure(structure: LinearStructure, settings: IdentifySettings) -> Met
 
 
 def _nonlinear(model: Read, _: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    from rotorid.identifying.nonlinear import Nonlinear
+
     assert isinstance(model, NonlinearStructure)
     return Nonlinear(model=model, settings=settings)
 
 
+def _motors(_: Read, __: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    from rotorid.identifying.motors import Motors
+
+    return Motors(motor_settings(settings))
+
+
+def _flight(_: Read, __: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    from rotorid.identifying.flight import Flights
+
+    return Flights(settings=motor_settings(settings))
+
+
+def _motor_speed(_: Read, __: Sequence[FlightRecord], settings: IdentifySettings) -> Method[Any, Any]:
+    from rotorid.identifying.motor_speed import MotorSpeeds
+
+    return MotorSpeeds(settings=settings)
+
+
 def _require_parameters(model: Read, settings: IdentifySettings) -> None:
+    from rotorid.identifying.nonlinear import asked_parameters
+
     assert isinstance(model, NonlinearStructure)
     asked_parameters(model, settings)
 
@@ -160,7 +190,8 @@ FITTINGS: Mapping[str, Fitting] = {
         LINEAR, method=_hover, choices=tuple(name for name in _ALL if name not in ("curve", *_OF_FLIGHT))
     ),
     MOTORS.name: Fitting(
-        method=lambda _, __, settings: Motors(motor_settings(settings)),
+        method=_motors,
+        prepare=lambda records, settings: motor_data(records, motor_settings(settings)),
         choices=(
             *_OF_ROTORS,
             *("filters", "fix", "segments", "seed", "method", "outputs", "bootstrap", "search", "evaluations", "runs"),
@@ -171,14 +202,15 @@ FITTINGS: Mapping[str, Fitting] = {
         check=lambda _, settings: motor_settings(settings),
     ),
     FLIGHT.name: Fitting(
-        method=lambda _, __, settings: Flights(settings=motor_settings(settings)),
+        method=_flight,
+        prepare=lambda records, settings: flight_data(records, motor_settings(settings)),
         choices=(*(name for name in _OF_ROTORS if name != "curve"), *_OF_FLIGHT, "fix", "segments", "seed", "method"),
         methods=("auto", "equation_error"),
         no_option=_NO_CHOICE,
         check=lambda _, settings: motor_settings(settings),
     ),
     MOTOR_SPEED.name: Fitting(
-        method=lambda _, __, settings: MotorSpeeds(settings=settings),
+        method=_motor_speed,
         choices=("fix", "free", "segments", "shifts", "hold", "search", "evaluations", "runs", "seed", "method"),
         methods=("auto", "output_error"),
         no_option=_NO_CHOICE,
@@ -236,6 +268,32 @@ def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifyS
     require_choices(model, settings)
     read = read_model(model)
     return fitting_of(read).method(read, records, settings)
+
+
+def require_ready(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> None:
+    """Do all that is done before a fit, which refuses logs that do not hold what it needs.
+
+    Parameters
+    ----------
+    model, settings
+        As for :func:`rotorid.identify`.
+    records
+        Logs to fit.
+
+    Raises
+    ------
+    UsageError, ModelError
+        A choice or the model is wrong.
+    InsufficientDataError
+        The logs do not hold what the model needs.
+    """
+    require_choices(model, settings)
+    read = read_model(model)
+    fitting = fitting_of(read)
+    if fitting.prepare is not None:
+        fitting.prepare(records, settings)
+    else:
+        fitting.method(read, records, settings).prepare(records)
 
 
 def require_choices(model: Model, settings: IdentifySettings, *, options: Mapping[str, object] | None = None) -> None:

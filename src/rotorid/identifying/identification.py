@@ -23,7 +23,6 @@ from rotorid.identifying.derivation import derivation, derivation_findings
 from rotorid.identifying.families import logged_by_all, method_of, require_choices
 from rotorid.identifying.hover_physics import rotors_of_hover
 from rotorid.identifying.methods import Fitted, Method, Prepared
-from rotorid.identifying.motors import Motors
 from rotorid.io.records import as_records
 from rotorid.models.families import family_of
 from rotorid.results.model import IdentifiedModel, Records, Refused, parameter_estimates, pole_estimates
@@ -228,6 +227,8 @@ def identify_motors(records: Records, choices: MotorSettings | None = None, *, v
     UsageError, ModelError
         A choice is wrong.
     """
+    from rotorid.identifying.motors import Motors
+
     method = Motors(choices or MotorSettings())
     return identify_by(method, as_records(records), verify=as_records(verify))
 

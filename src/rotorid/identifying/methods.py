@@ -44,7 +44,6 @@ from rotorid.fits.time.frequency_check import (
     responses_without_hold,
     with_distance,
 )
-from rotorid.fits.time.orders import chosen_order
 from rotorid.fits.time.refusals import require_bounds, require_time_fit_explains
 from rotorid.fits.time.remarks import judge_time_fit, nothing_unseen
 from rotorid.fits.time.summary import equation_fits, information, record_fits, residuals
@@ -530,6 +529,8 @@ class InTime(_Linear[TimeDomainData]):
         quality = data_quality(selection.fitted, data.segments, structure.inputs, agreement)
         orders = None
         if order_is_open(structure.name):
+            from rotorid.fits.time.orders import chosen_order
+
             structure, orders = chosen_order(structure, data, settings)
         return TimeDomainData(structure, selection, data, side, settings, (*findings, *remarks, *quality), orders)
 

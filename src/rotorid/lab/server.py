@@ -17,8 +17,8 @@ from rotorid.lab.steps import Step, first_wrong
 from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job
 from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.unavailable import gathered
-from rotorid.reviewing.values import Unavailable
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

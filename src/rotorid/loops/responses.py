@@ -45,8 +45,9 @@ from rotorid.flights.sensors import corrected_record, sensor_correction, with_se
 from rotorid.io.pool import pool
 from rotorid.io.records import as_records
 from rotorid.loops.rate_loops import AxisLoop, axis_loop, beyond_band
-from rotorid.results.model import Records, Segment
+from rotorid.results.model import Records
 from rotorid.results.provenance import LoggedManeuver, Provenance, Refused, logged, provenance, refused
+from rotorid.results.segment import Segment
 from rotorid.results.summary import RemovedFilters
 from rotorid.settings.measuring import ResponseSettings
 from rotorid.settings.option import as_names, as_settings

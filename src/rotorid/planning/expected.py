@@ -22,10 +22,10 @@ from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry, FlightPlan, PlannedInput
 from rotorid.data.record import Channel, FlightRecord, Maneuver, Source, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
-from rotorid.data.trust import RICH_KINDS, least_coherence
+from rotorid.data.trust import ACCEPTABLE_COST, RICH_KINDS, least_coherence
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import refine, weights_of
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, usable_points
+from rotorid.fitting.frequency.problem import FrequencyProblem, usable_points
 from rotorid.fitting.frequency.screening import (
     above_speed_modes,
     without_structural_zeros,

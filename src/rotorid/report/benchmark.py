@@ -10,8 +10,8 @@ from rotorid.benchmarking.catalog import BENCHMARKS, METRICS, SHOWN, Metric
 from rotorid.data.display import listed
 from rotorid.data.quantity import MISSING, significant, with_error
 from rotorid.documents.benchmark import BenchDocument, BenchRowDocument, bench_document
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import render
-from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Entry, Table
 
 _OWN = ("physical.flight", "physical.flight --predictor")

@@ -27,8 +27,9 @@ from rotorid.identifying.comparison import ComparedManeuver, Comparison
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import Curve, Score, predictions, score_dots, steps
 from rotorid.report.files import write_together
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, render
-from rotorid.report.parts import FAR_SIGMAS, Cell, finding_rows
+from rotorid.report.parts import FAR_SIGMAS, Cell
 from rotorid.results.summary import METHODS, PoleEstimate
 from rotorid.results.verdicts import NOT_IDENTIFIED, Verdict, badge
 from rotorid.verification.fixed_parameters import FixedParameterScores

@@ -42,17 +42,11 @@ from rotorid.plot.design import (
     predicted_bode,
 )
 from rotorid.plot.figure import quantity
+from rotorid.report.findings import FindingRow, finding_rows
 from rotorid.report.flight_card import FILE as CARD
 from rotorid.report.flight_card import WHOLE_ERROR, amplitude_words
 from rotorid.report.frame import Picture, drawn, in_all_units, render
-from rotorid.report.parts import (
-    FAR_SIGMAS,
-    Cell,
-    FindingRow,
-    by_axis,
-    finding_rows,
-    leading_pairs,
-)
+from rotorid.report.parts import FAR_SIGMAS, Cell, by_axis, leading_pairs
 from rotorid.report.words import parameter_words
 from rotorid.simulation.wind import Wind
 from rotorid.typing import FloatArray

@@ -11,8 +11,8 @@ from rotorid.documents.flown import FlownDocument, flown_document
 from rotorid.flying.flown_models import FlownModel, FlownStretch
 from rotorid.plot.figure import quantity
 from rotorid.plot.time import flown as flown_figure
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, render
-from rotorid.report.parts import finding_rows
 from rotorid.report.tables import Column, Table
 from rotorid.report.words import prediction_verdict
 from rotorid.results.verdicts import Verdict

@@ -34,6 +34,7 @@ from rotorid.plot.figure import Figure, quantity
 from rotorid.plot.loops import correlation_map
 from rotorid.plot.search import clusters, convergence, noise_spread, run_histogram
 from rotorid.report.derived import DerivedShown, derived_shown
+from rotorid.report.findings import FindingRow, finding_rows
 from rotorid.report.flight import FlightShown, flight_shown
 from rotorid.report.frame import Picture, drawn, over_frequency, render
 from rotorid.report.motors import MotorsShown, motors_shown
@@ -41,7 +42,6 @@ from rotorid.report.parts import (
     Cell,
     CostRow,
     Dropped,
-    FindingRow,
     ManeuverRow,
     ParameterGroup,
     RangeRow,
@@ -49,7 +49,6 @@ from rotorid.report.parts import (
     constants_sentence,
     cost_rows,
     dropped_parameters,
-    finding_rows,
     maneuver_row,
     model_pictures,
     parameter_groups,

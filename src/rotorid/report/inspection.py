@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from rotorid.data.findings import Finding
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, FlightRecord
 from rotorid.errors import UsageError
@@ -17,11 +15,10 @@ from rotorid.io.files import write_atomically
 from rotorid.models.library import RATE_AXES
 from rotorid.plot.figure import MOST_POINTS, envelope
 from rotorid.plot.inspection import Bar, LogPicture, Trend, log_figure
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, render
-from rotorid.report.parts import finding_rows
-from rotorid.reviewing.inspection import Inspection, answering_model, coverage
-from rotorid.reviewing.unavailable import merged_axes
-from rotorid.reviewing.values import Unavailable
+from rotorid.report.inspection_words import further_findings, good_for, good_with_options, not_for
+from rotorid.reviewing.inspection import Inspection, coverage
 from rotorid.signal.airborne import evidence_words
 from rotorid.signal.excitations import excitation_signals
 from rotorid.typing import FloatArray
@@ -68,62 +65,6 @@ def require_suffix(path: Path) -> None:
         raise UsageError(
             f"a picture called {path.name} was asked for", needed=" or ".join(SUFFIXES), remedy="change its ending"
         )
-
-
-_BY = {
-    "excitation": "from its test inputs",
-    "ordinary flight": "from ordinary flight; a sweep would give intervals several times narrower",
-    "motors": "from motor outputs",
-    "motor speeds": "from outputs and speeds of the motors",
-}
-"""What a model would be identified from."""
-
-
-def good_for(inspection: Inspection) -> tuple[tuple[str, str], ...]:
-    """Models that a log supports, and what they would be identified from."""
-    by: dict[str, list[str]] = {}
-    for model, support in inspection.supports.items():
-        if support.possible:
-            by.setdefault(_BY.get(support.by, support.because), []).append(model)
-    if answers := answering_model(inspection):
-        by["from its set-points"] = [answers]
-    return tuple((", ".join(models), words) for words, models in by.items())
-
-
-_OF_SIZE = ("--layout ", "--arm ")
-"""Options for what a table of numbers does not say: where the rotors are."""
-
-
-def good_with_options(inspection: Inspection) -> tuple[Unavailable, ...]:
-    """Models that lack nothing but the rotors' places, which an option gives: why, and what to type."""
-    return tuple(
-        Unavailable(what=model, why=support.because, remedy=support.remedy)
-        for model, support in inspection.supports.items()
-        if not support.possible and support.remedy.startswith(tuple(f"add {option}" for option in _OF_SIZE))
-    )
-
-
-def not_for(inspection: Inspection) -> tuple[Unavailable, ...]:
-    """Models that a log does not support: why, and what to do; one row for those that differ in their axes alone."""
-    with_options = {row.what for row in good_with_options(inspection)}
-    rows = merged_axes(
-        Unavailable(what=model, why=support.because, remedy=support.remedy)
-        for model, support in inspection.supports.items()
-        if not support.possible and model not in with_options
-    )
-    if len(rows) == 1 and not good_for(inspection):
-        return (replace(rows[0], what="any model"),)
-    return tuple(replace(row, what=row.what.replace("; ", ", ")) for row in rows)
-
-
-def further_findings(inspection: Inspection) -> tuple[Finding, ...]:
-    """Findings without the reason that every model was refused for, which :func:`not_for` gives."""
-    reasons = {support.because.removeprefix("the log ") for support in inspection.supports.values() if support.because}
-    return tuple(
-        finding
-        for finding in inspection.findings
-        if finding.kind != "never_airborne" or not any(reason in finding.message for reason in reasons)
-    )
 
 
 def render_inspection(record: FlightRecord, inspection: Inspection) -> str:

@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
-from rotorid.data.findings import SEVERITIES, Finding, without_repeated
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.record import Maneuver
 from rotorid.data.trust import CRAMER_RAO_GUIDELINE_PERCENT, INSENSITIVITY_GUIDELINE_PERCENT
-from rotorid.documents.base import FindingDocument, ManeuverDocument
+from rotorid.documents.base import ManeuverDocument
 from rotorid.documents.result import ResultDocument, result_document
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import timeline
-from rotorid.report.frame import Picture, drawn, in_all_units, typeset
-from rotorid.report.words import finding_heading, parameter_group, parameter_words, status_word
-from rotorid.results.model import FittedData, IdentifiedModel, Segment, Verifications
+from rotorid.report.frame import Picture, drawn, in_all_units
+from rotorid.report.words import parameter_group, parameter_words, status_word
+from rotorid.results.model import FittedData, IdentifiedModel, Verifications
 from rotorid.results.provenance import LoggedManeuver
+from rotorid.results.segment import Segment
 from rotorid.results.summary import PairCost, ParameterEstimate, Range
 from rotorid.results.verdicts import NOT_IDENTIFIED, Verdict, cost_verdict, error_of, response_verdict
 
@@ -183,45 +183,6 @@ def maneuver_row(record: str, maneuver: Maneuver | ManeuverDocument) -> Maneuver
         duration=f"{maneuver.stop_s - maneuver.start_s:.1f} s",
         band=_interval(maneuver.band_rad_s, "rad/s") if maneuver.band_rad_s else MISSING,
         origin=f"{maneuver.origin} in {maneuver.signal}" if maneuver.signal else maneuver.origin,
-    )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FindingRow:
-    """A finding with a heading, and its numbers as text."""
-
-    severity: str
-    heading: str
-    where: str
-    message: str
-    numbers: str
-    others: tuple[FindingRow, ...] = ()
-    """More of the same kind, which fold away."""
-
-
-_MOST_OF_A_KIND = 2
-
-
-def finding_rows(findings: Sequence[Finding | FindingDocument]) -> tuple[FindingRow, ...]:
-    """Findings, the grave ones first; of one kind and gravity all but the first two fold into the first."""
-    ordered = sorted(without_repeated(findings), key=lambda finding: SEVERITIES.index(finding.severity))
-    kinds: dict[tuple[str, str], list[FindingRow]] = {}
-    for finding in ordered:
-        kinds.setdefault((finding.severity, finding.kind), []).append(_finding_row(finding))
-    rows: list[FindingRow] = []
-    for same in kinds.values():
-        folds = len(same) > _MOST_OF_A_KIND
-        rows += [replace(same[0], others=tuple(same[1:]))] if folds else same
-    return tuple(rows)
-
-
-def _finding_row(finding: Finding | FindingDocument) -> FindingRow:
-    return FindingRow(
-        severity=finding.severity,
-        heading=finding_heading(finding.kind),
-        where=finding.where,
-        message=typeset(finding.message),
-        numbers=", ".join(f"{name} {significant(value, digits=4)}" for name, value in finding.numbers.items()),
     )
 
 

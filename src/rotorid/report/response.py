@@ -21,9 +21,10 @@ from rotorid.plot.curves import Frequency, runs
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode, coherence_map, window_contributions
 from rotorid.plot.loops import MINUS_3_DB, Crossing, broken_loop, disturbance_rejection
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, in_all_units, over_frequency, render
-from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, leading_pairs, maneuver_row, timelines
-from rotorid.report.words import response_summary
+from rotorid.report.parts import ManeuverRow, by_axis, leading_pairs, maneuver_row, timelines
+from rotorid.report.response_words import response_summary
 from rotorid.results.verdicts import Verdict
 from rotorid.spectral.derived import Estimated, read_points
 from rotorid.spectral.loops import sensitivity

@@ -21,8 +21,8 @@ from rotorid.plot.figure import Figure
 from rotorid.plot.frequency import bode
 from rotorid.plot.loops import Crossing, broken_loop
 from rotorid.plot.review import motor_bars, noise_maps, setpoint_traces, spectra, step_answers
+from rotorid.report.findings import FindingRow, finding_rows
 from rotorid.report.frame import Picture, in_all_units, render, with_files
-from rotorid.report.parts import FindingRow, finding_rows
 from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import ParameterEstimate
 from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
@@ -32,18 +32,10 @@ from rotorid.reviewing.card import Card
 from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
 from rotorid.reviewing.filters import filter_files
 from rotorid.reviewing.loops import LOOPS
+from rotorid.reviewing.missing import Unavailable, section
 from rotorid.reviewing.motors import possible_causes
 from rotorid.reviewing.unavailable import gathered
-from rotorid.reviewing.values import (
-    BaselineReview,
-    LoopReview,
-    MarginReview,
-    NoiseMap,
-    Review,
-    StepCurve,
-    Unavailable,
-    section,
-)
+from rotorid.reviewing.values import BaselineReview, LoopReview, MarginReview, NoiseMap, Review, StepCurve
 from rotorid.spectral.derived import read_points
 from rotorid.tuning.judging import VERDICT_NAMES
 from rotorid.typing import BoolArray

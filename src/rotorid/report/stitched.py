@@ -12,8 +12,8 @@ from rotorid.flying.stitching import SpeedCurve, Stitched, ThroughSpeeds
 from rotorid.plot.stitched import OverSpeed, over_speed, speed_grid
 from rotorid.plot.time import Curve, predictions
 from rotorid.report.files import write_together
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, render
-from rotorid.report.parts import finding_rows
 from rotorid.verification.scores import GOOD_TIC
 
 JSON, PAGE = "stitched.json", "report.html"

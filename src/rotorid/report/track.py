@@ -8,8 +8,8 @@ from rotorid.documents.track import TrackDocument, silent, track_document
 from rotorid.fleets.names import shown, words_of
 from rotorid.identifying.tracking import FlightTracking
 from rotorid.plot.tracking import followed_gain
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, render
-from rotorid.report.parts import finding_rows
 
 WHY = {"stick": "too little stick movement", "air": "rougher air than in the reference"}
 _POWERS = {"roll": "L_roll", "pitch": "M_pitch", "yaw": "N_yaw"}

@@ -26,9 +26,9 @@ from rotorid.proposing.check import CheckedAxis, CheckedTuning
 from rotorid.proposing.proposal import TuningProposal
 from rotorid.proposing.steps import step_times_s
 from rotorid.report.filters import choice_picture, choice_rows, choice_sentence
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
 from rotorid.report.loop_words import answer_of, is_outer, loop_words
-from rotorid.report.parts import finding_rows
 from rotorid.report.tune_words import (
     balance_sentence,
     following,

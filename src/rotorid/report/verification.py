@@ -10,16 +10,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from rotorid.data.display import counted
 from rotorid.data.quantity import MISSING, significant
 from rotorid.documents.verify import GuidelineDocument, VerifyDocument, verify_document
-from rotorid.identifying.verification import Verified
 from rotorid.plot.figure import quantity
 from rotorid.plot.frequency import bode
 from rotorid.plot.time import ahead, closed_loop, verification
+from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, in_all_units, render
-from rotorid.report.parts import ManeuverRow, by_axis, finding_rows, maneuver_row, on_axis, range_rows
+from rotorid.report.parts import ManeuverRow, by_axis, maneuver_row, on_axis, range_rows
 from rotorid.report.words import maneuver_verdict, prediction_verdict, unseen_sentences
 from rotorid.results.model import FrequencyCheck, Verifications
 from rotorid.results.summary import AxisLoads, FlightScores
@@ -27,6 +28,9 @@ from rotorid.results.verdicts import Verdict, cost_verdict
 from rotorid.verification.closed_loop import ClosedLoop
 from rotorid.verification.scores import JRMS_GUIDELINE
 from rotorid.verification.verification import Verification, verdict
+
+if TYPE_CHECKING:
+    from rotorid.identifying.verification import Verified
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,2 +1,2 @@
 from rotorid.results.model import IdentifiedModel as IdentifiedModel
-from rotorid.results.model import Segment as Segment
+from rotorid.results.segment import Segment as Segment

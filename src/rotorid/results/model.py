@@ -16,7 +16,7 @@ from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import counted, cut, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
 from rotorid.data.quantity import MISSING, TWO_SIDED_95, error_columns, percent
-from rotorid.data.record import FlightRecord, Maneuver, TimeHistory
+from rotorid.data.record import FlightRecord, Maneuver
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.models.nonlinear import NonlinearStructure
@@ -25,6 +25,7 @@ from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.models.toml import nonlinear_to_toml, to_toml
 from rotorid.results.provenance import Provenance
+from rotorid.results.segment import Segment
 from rotorid.results.summary import (
     Checks,
     ControllerSettings,
@@ -56,15 +57,6 @@ Records: TypeAlias = FlightRecord | str | Path | Iterable[FlightRecord | str | P
 """Logs as :func:`rotorid.read` gives them, or their files; one may come without a list around it."""
 
 _NEAR_ZERO = 1e-12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Segment:
-    """A maneuver with the data around it, on one clock."""
-
-    record: str
-    maneuver: Maneuver
-    history: TimeHistory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

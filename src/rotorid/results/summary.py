@@ -15,8 +15,7 @@ import numpy as np
 
 from rotorid.models.flight import Airframe
 from rotorid.models.parameter import Status
-from rotorid.verification.fixed_parameters import Kind
-from rotorid.verification.verification import Scores, Verdict
+from rotorid.verification.verification import Kind, Scores, Verdict
 
 Objective: TypeAlias = Literal["frequency", "output_error", "accelerations"]
 

@@ -14,8 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from rotorid.data.display import listed
-from rotorid.data.trust import MEANINGLESS_STRUCTURE_ERROR
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, EXCELLENT_COST
+from rotorid.data.trust import ACCEPTABLE_COST, EXCELLENT_COST, MEANINGLESS_STRUCTURE_ERROR
 from rotorid.results.summary import Color, Cost, Fit, FitVerdict, ParameterEstimate
 from rotorid.verification.scores import GOOD_FIT_PERCENT
 

@@ -40,6 +40,7 @@ from rotorid.reviewing.flight import flight, logging, vehicle
 from rotorid.reviewing.inspection import foreseen
 from rotorid.reviewing.loops import loops
 from rotorid.reviewing.margins import margins
+from rotorid.reviewing.missing import Unavailable, section
 from rotorid.reviewing.motors import motors
 from rotorid.reviewing.noise import noise
 from rotorid.reviewing.settings import ReviewSettings
@@ -53,9 +54,7 @@ from rotorid.reviewing.values import (
     NoiseReview,
     Review,
     TrackingReview,
-    Unavailable,
     VehicleReview,
-    section,
 )
 from rotorid.settings.option import as_settings
 from rotorid.settings.verbs import with_verbs

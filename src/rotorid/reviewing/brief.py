@@ -16,8 +16,9 @@ from rotorid.results.verdicts import verdict
 from rotorid.reviewing.baseline import measures
 from rotorid.reviewing.card import Card
 from rotorid.reviewing.cards import cards
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.unavailable import gathered
-from rotorid.reviewing.values import Review, Unavailable
+from rotorid.reviewing.values import Review
 
 MOST_SPANS = 8
 """Spans of one statement: the longest of them, in the order of the log."""

@@ -31,8 +31,9 @@ from rotorid.reviewing.card import (
     together,
 )
 from rotorid.reviewing.filters import MOTOR_NOISE_SCALE, filter_card
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.motors import EVEN, possible_causes
-from rotorid.reviewing.values import Review, Unavailable
+from rotorid.reviewing.values import Review
 from rotorid.signal.witnesses import MOTION
 from rotorid.tuning.judging import VERDICT_NAMES, WORST_FIRST, Verdict
 from rotorid.typing import Axis

@@ -16,7 +16,8 @@ from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.loops.filter_choice import NOISY, FilterPart, FilterProposal, KnownLoop, propose_filters
 from rotorid.models.autopilots.betaflight_settings import command_line_name
 from rotorid.reviewing.card import Card, State, together
-from rotorid.reviewing.values import MarginReview, Review, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import MarginReview, Review
 from rotorid.tuning.files import parameter_files
 from rotorid.typing import Axis
 

@@ -32,7 +32,8 @@ from rotorid.flights.hover import FEWEST_SECONDS, hover_of, thrust_curve
 from rotorid.flights.same_vehicle import frame_of
 from rotorid.flights.tilt_drag import TiltDrag, tilt_drag
 from rotorid.models.autopilots.layouts import layout_of
-from rotorid.reviewing.values import FlightSummary, LoggingReview, Unavailable, VehicleReview, section
+from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.values import FlightSummary, LoggingReview, VehicleReview
 from rotorid.reviewing.yaw_drift import yaw_drift
 from rotorid.signal.airborne import airborne, in_air
 from rotorid.signal.battery import battery_voltages

@@ -368,8 +368,10 @@ def foreseen(record: FlightRecord, model: str, support: Support) -> Support:
             return support
     if support.by == "motors" and (never := never_flown(record)):
         return replace(never, needs=support.needs)
+    from rotorid.identifying.families import require_ready
+
     try:
-        _prepare(record, model)
+        require_ready(model, [record], IdentifySettings())
     except Exception as failure:
         # What one model makes of a log ends no other.
         error = reason_of(failure, model)
@@ -402,13 +404,6 @@ def _failed(error: Exception, what: str) -> Finding:
     if isinstance(reason, FaultError):
         return warn("internal_error", what, f"{reason.reason} {capital(reason.remedy)}.")
     return remark("part_missing", what, f"{capital(what)} could not be checked: {with_verbs(reason.reason, 'inspect')}")
-
-
-def _prepare(record: FlightRecord, model: str) -> None:
-    """Do what ``identify`` does before it fits a model."""
-    from rotorid.identifying.families import method_of
-
-    method_of(model, [record], IdentifySettings()).prepare([record])
 
 
 def coverage(time_s: FloatArray) -> tuple[tuple[float, float], ...]:

@@ -33,7 +33,8 @@ from rotorid.flights.whole_flights import (
     Instrument,
     loop_response,
 )
-from rotorid.reviewing.values import LoopReview, StepCurve, Unavailable, section
+from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.values import LoopReview, StepCurve
 from rotorid.signal.motors import motor_limits
 from rotorid.spectral.impulse import (
     ImpulseResponse,

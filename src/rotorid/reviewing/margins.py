@@ -19,7 +19,8 @@ from rotorid.flights.whole_flights import FlightData
 from rotorid.loops.plants import PlantUnavailableError
 from rotorid.loops.rate_loops import NUMBERS, RateLoop, rate_loop, remedy_of
 from rotorid.models.autopilots.betaflight import TOP
-from rotorid.reviewing.values import MarginReview, Unavailable, section
+from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.values import MarginReview
 from rotorid.typing import Axis
 
 

@@ -40,7 +40,8 @@ from rotorid.flights.motor_stamps import stamp_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.weight_balance import weight_balance
 from rotorid.flights.whole_flights import FlightData, flown, loop_response
-from rotorid.reviewing.values import MotorReview, Unavailable, section
+from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.values import MotorReview
 from rotorid.signal.airborne import within
 from rotorid.signal.clock import even_step_s
 from rotorid.signal.limits import MotorLimits

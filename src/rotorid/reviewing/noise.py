@@ -32,8 +32,9 @@ from rotorid.flights.sensor_samples import (
     samples_of,
     sensors_of,
 )
+from rotorid.reviewing.missing import Unavailable, section
 from rotorid.reviewing.spectra import BINS, map_of, peaks_of, plotted_factor
-from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview, Unavailable, section
+from rotorid.reviewing.values import NoiseMap, NoisePeak, NoiseReview
 from rotorid.signal.airborne import airborne, within
 from rotorid.signal.autopilot_filters import filter_findings, known_filters
 from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_accelerometer, dead_gyro

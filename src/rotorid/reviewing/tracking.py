@@ -29,7 +29,8 @@ from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import LEAST_MOTION_S, FlightData
 from rotorid.reviewing.loops import LOOPS, Loop, outer_loop_rad_s
-from rotorid.reviewing.values import Trace, TrackingReview, Unavailable, section
+from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.values import Trace, TrackingReview
 from rotorid.typing import FloatArray
 
 LEAST_RATE_HZ = 4.0

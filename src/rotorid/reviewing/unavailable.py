@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from rotorid.data.display import listed
 from rotorid.data.quantities import figure
 from rotorid.reviewing.loops import LOOPS
-from rotorid.reviewing.values import Unavailable
+from rotorid.reviewing.missing import Unavailable, merged_axes
 
 _LOOPS: Mapping[str, str] = MappingProxyType({loop.name: f"{loop.words} loop" for loop in LOOPS})
 
@@ -100,12 +99,6 @@ def of_numbers(thing: str, numbers: list[str]) -> str:
     return f"{thing}: {listed(named)}" if named else thing
 
 
-_AXIS_WORDS = re.compile(r"\b(?:cmd_)?(roll|pitch|yaw|thrust|p|q|r|phi|theta|psi)(_setpoint|_stick|_command|Rate)?\b")
-"""Words of an axis. Rows that differ in these alone become one row that lists them."""
-
-_AXES = {"p": "roll", "phi": "roll", "q": "pitch", "theta": "pitch", "r": "yaw", "psi": "yaw"}
-
-
 def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
     """One row for all that has one reason, such as the numbers of a loop that a slow log hides.
 
@@ -124,43 +117,3 @@ def gathered(unavailable: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
         for (thing, why, remedy), labels in rows.items()
     ]
     return merged_axes(numbers)
-
-
-def merged_axes(rows: Iterable[Unavailable]) -> tuple[Unavailable, ...]:
-    """One row for those that differ in their axes alone; each of these rows is about a single axis.
-
-    Examples
-    --------
-    >>> idle = [Unavailable(what=f"rate.{axis}", why=f"The {axis} stick did not move.") for axis in ("roll", "yaw")]
-    >>> [(row.what, row.why) for row in merged_axes(idle)]
-    [('rate.roll; rate.yaw', 'The roll and yaw sticks did not move.')]
-    """
-    alike: dict[tuple[str, str], list[Unavailable]] = {}
-    for row in rows:
-        several = len({_AXES.get(found[1], found[1]) for found in _AXIS_WORDS.finditer(f"{row.why} {row.remedy}")}) > 1
-        words = (row.why, row.remedy) if several else (_AXIS_WORDS.sub("…", row.why), _AXIS_WORDS.sub("…", row.remedy))
-        alike.setdefault(words, []).append(row)
-    return tuple(
-        Unavailable(
-            what="; ".join(row.what for row in same),
-            why=_of_all_axes([row.why for row in same]),
-            remedy=_of_all_axes([row.remedy for row in same]),
-        )
-        for same in alike.values()
-    )
-
-
-def _of_all_axes(sentences: Sequence[str]) -> str:
-    """Sentences that differ in their axes as one that lists them.
-
-    Examples
-    --------
-    >>> _of_all_axes(["move the roll stick", "move the pitch stick", "move the roll stick"])
-    'move the roll and pitch sticks'
-    >>> _of_all_axes(["the pitch stick does not move", "the yaw stick does not move"])
-    'the pitch and yaw sticks do not move'
-    """
-    words = [[found.group() for found in _AXIS_WORDS.finditer(sentence)] for sentence in sentences]
-    each = iter([listed(list(dict.fromkeys(same))) for same in zip(*words, strict=True)])
-    merged = _AXIS_WORDS.sub(lambda _: next(each), sentences[0])
-    return re.sub(r"( and \w+ stick)\b", r"\1s", merged).replace("sticks does not", "sticks do not")

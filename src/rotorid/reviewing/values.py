@@ -5,9 +5,9 @@ A number that was not measured is absent, and an :class:`Unavailable` says why, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,77 +17,19 @@ from rotorid.data.quantities import require_figures
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import Intervals
 from rotorid.data.response import FrequencyResponse
-from rotorid.errors import FaultError, InsufficientDataError, RotoridError, reason_of
 from rotorid.flights.motor_balance import BalanceChange
 from rotorid.flights.oscillations import OscillationReview
 from rotorid.flights.whole_flights import Instrument
 from rotorid.loops.filter_choice import FilterProposal
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
+from rotorid.reviewing.missing import Unavailable
 from rotorid.signal.control import Control
 from rotorid.tuning.judging import LoopVerdict
 from rotorid.tuning.plant import UncertainPlant
 from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.differences import Verdict
 from rotorid.uncertainty.next_flight import NextFlight
-
-
-@dataclass(frozen=True, kw_only=True)
-class Unavailable(Immutable):
-    """What a flight does not show.
-
-    Parameters
-    ----------
-    what
-        Name of the quantity, such as ``loops.p.rise_time_s`` or ``models.rate.yaw``.
-    why
-        What was missing: one sentence, or two of which the first is enough.
-    remedy
-        The one maneuver, setting or command that would measure it; empty where there is none.
-    fault
-        Whether it is missing because rotorid failed, not because of the data.
-    """
-
-    what: str
-    why: str
-    remedy: str = ""
-    fault: bool = False
-
-
-Part = TypeVar("Part")
-
-
-def section(
-    what: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part
-) -> tuple[Part, tuple[Unavailable, ...]]:
-    """A part of a review with what it does not show; a part that fails leaves its reason, and all others as they are.
-
-    Parameters
-    ----------
-    what
-        Name of the part, as in :class:`Unavailable`.
-    make
-        Makes it.
-    otherwise
-        What stands for it where it fails.
-
-    Raises
-    ------
-    Exception
-        See :func:`rotorid.errors.reason_of`.
-    """
-    try:
-        made, missing = make()
-    except Exception as error:
-        return otherwise, (unavailable_by(reason_of(error, what), what),)
-    return made, tuple(missing)
-
-
-def unavailable_by(error: RotoridError, what: str) -> Unavailable:
-    """What an error leaves without an answer."""
-    findings = error.findings if isinstance(error, InsufficientDataError) else ()
-    why = str(findings[0].message) if findings else error.reason
-    return Unavailable(what=what, why=why, remedy=error.remedy, fault=isinstance(error, FaultError))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -27,7 +27,7 @@ import numpy as np
 
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord, Intervals
-from rotorid.reviewing.values import Unavailable
+from rotorid.reviewing.missing import Unavailable
 from rotorid.signal.airborne import in_air
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.long_run import cosines, long_run, student

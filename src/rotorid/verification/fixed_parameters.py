@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Literal, TypeAlias, TypeVar, get_args
+from typing import Generic, TypeVar, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from rotorid.verification.driven import driven
 from rotorid.verification.prediction import predict_ahead
 from rotorid.verification.sampled import sampled
 from rotorid.verification.scores import nrmse_fit_percent, rms, theil_inequality
-from rotorid.verification.verification import shortest_horizon
+from rotorid.verification.verification import Kind, shortest_horizon
 
 _GROWTHS = 1.0
 """E-folds of an error within a record beyond which an unstable model is judged by its prediction ahead."""
@@ -220,10 +220,6 @@ def _ahead(
 
 Group = TypeVar("Group")
 Model = TypeVar("Model")
-
-Kind: TypeAlias = Literal["each", "leave_one_out"]
-"""``each``: identified on each record alone and scored on all others. ``leave_one_out``: identified on all records but
-one and scored on that one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

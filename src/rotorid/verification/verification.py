@@ -20,6 +20,10 @@ from rotorid.verification.flight import FlightJudgement
 from rotorid.verification.prediction import HORIZONS_S, Horizon, Prediction
 from rotorid.verification.scores import GUIDELINES, guidelines_met, nrmse_fit_percent, rms, theil_inequality
 
+Kind: TypeAlias = Literal["each", "leave_one_out"]
+"""``each``: identified on each record alone and scored on all others. ``leave_one_out``: identified on all records but
+one and scored on that one."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scores:

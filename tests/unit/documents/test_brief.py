@@ -13,7 +13,8 @@ from rotorid.data.quantity import Quantity
 from rotorid.documents.base import to_json
 from rotorid.documents.brief import MOST_BYTES, BriefDocument, brief_document
 from rotorid.documents.review import review_document
-from rotorid.reviewing.values import FlightSummary, Review, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import FlightSummary, Review
 
 
 def text_of(review: Review) -> str:

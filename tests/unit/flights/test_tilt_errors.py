@@ -9,7 +9,7 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
 from rotorid.flights.flights import Flight
 from rotorid.flights.tilt_errors import with_tilt_errors
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.typing import FloatArray
 
 RATE_HZ, DURATION_S = 50.0, 80.0

@@ -21,7 +21,7 @@ from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import CrossValidationSummary
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.parsing import parse_segment
-from rotorid.verification.fixed_parameters import Kind
+from rotorid.verification.verification import Kind
 
 SEEDS = (1, 2, 3)
 NAMES = [f"flight_{seed}.csv" for seed in SEEDS]

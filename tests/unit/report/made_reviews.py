@@ -11,6 +11,7 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.response import FrequencyResponse
 from rotorid.loops.filter_choice import FilterProposal, FilterSet
 from rotorid.models.controller import RateController
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.values import (
     FlightSummary,
     LoggingReview,
@@ -22,7 +23,6 @@ from rotorid.reviewing.values import (
     NoiseReview,
     Review,
     StepCurve,
-    Unavailable,
     VehicleReview,
 )
 from rotorid.typing import Axis

@@ -12,8 +12,8 @@ from rotorid.data.response import Estimate, FrequencyResponse
 from rotorid.flights.measure import Measured
 from rotorid.loops.rate_loops import AxisLoop
 from rotorid.loops.responses import ResponseRecord, Responses
-from rotorid.results.model import Segment
 from rotorid.results.provenance import Provenance
+from rotorid.results.segment import Segment
 from rotorid.spectral.estimate import Diagnostics
 from rotorid.spectral.loops import sensitivity
 from rotorid.spectral.margins import disturbance_rejection, loop_margins

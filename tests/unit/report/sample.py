@@ -12,7 +12,8 @@ from rotorid.data.response import FrequencyResponse
 from rotorid.documents.base import FindingDocument, ManeuverDocument, ProvenanceDocument
 from rotorid.documents.result import DelaysDocument, MatricesDocument, ResultDocument
 from rotorid.report.parts import Shown
-from rotorid.results.model import FittedData, FrequencyCheck, Segment, Verifications
+from rotorid.results.model import FittedData, FrequencyCheck, Verifications
+from rotorid.results.segment import Segment
 from rotorid.results.summary import (
     Checks,
     Cost,

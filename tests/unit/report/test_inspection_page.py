@@ -17,7 +17,8 @@ from rotorid.data.findings import Finding
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.errors import UsageError
 from rotorid.report import inspection as page_of_log
-from rotorid.report.inspection import good_for, log_picture, not_for, render_inspection, write_inspection
+from rotorid.report.inspection import log_picture, render_inspection, write_inspection
+from rotorid.report.inspection_words import good_for, not_for
 from rotorid.reviewing.inspection import inspect
 from rotorid.settings.parsing import parse_segment
 

@@ -17,7 +17,7 @@ from rotorid.data.response import Estimate
 from rotorid.documents.response import BoundDocument, EstimatedDocument, LoopDocument, loops_of, response_document
 from rotorid.report.parts import by_axis, leading_pairs
 from rotorid.report.response import loop_rows, pair_rows, render_responses, unseen
-from rotorid.report.words import response_summary
+from rotorid.report.response_words import response_summary
 from rotorid.spectral.margins import attitude_bandwidth
 
 

@@ -26,8 +26,9 @@ from rotorid.results.summary import Derived, MotorPhysics
 from rotorid.reviewing.assembly import _with_thrust_of, has_answers, next_commands
 from rotorid.reviewing.card import Card
 from rotorid.reviewing.cards import cards
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.motors import _findings
-from rotorid.reviewing.values import MotorReview, Review, Unavailable
+from rotorid.reviewing.values import MotorReview, Review
 
 
 def test_every_part_stands_on_the_page_with_its_interval() -> None:

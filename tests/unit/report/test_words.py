@@ -12,7 +12,8 @@ from tests.unit.report.sample import document, maneuver
 from rotorid.data.quantity import percent, significant, unit, with_error
 from rotorid.documents.base import FindingDocument
 from rotorid.documents.result import ResultDocument
-from rotorid.report.parts import Cell, cost_rows, finding_rows, parameter_groups, parameter_rows
+from rotorid.report.findings import finding_rows
+from rotorid.report.parts import Cell, cost_rows, parameter_groups, parameter_rows
 from rotorid.report.words import parameter_words, pole_rows, prediction_verdict, summary
 from rotorid.results.summary import Checks, PoleEstimate
 from rotorid.results.verdicts import cost_verdict

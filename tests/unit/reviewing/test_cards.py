@@ -15,7 +15,8 @@ from rotorid.results.model import IdentifiedModel, Refused
 from rotorid.results.summary import Cost
 from rotorid.reviewing.card import STATES, Card
 from rotorid.reviewing.cards import cards
-from rotorid.reviewing.values import Review, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import Review
 from rotorid.tuning.judging import Breaking, LoopVerdict, Verdict
 
 MODELS = ("rate.roll", "rate.pitch")

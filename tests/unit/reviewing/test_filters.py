@@ -14,7 +14,7 @@ from rotorid.documents.filters import filter_documents
 from rotorid.flights.gyro_noise import gyro_noise
 from rotorid.loops.filter_choice import FilterProposal, propose_filters
 from rotorid.reviewing.filters import MOTOR_NOISE_SCALE, filter_card, filter_files, filters
-from rotorid.reviewing.values import Unavailable
+from rotorid.reviewing.missing import Unavailable
 
 
 def seen(name: str, found: FilterProposal | None, *gaps: Unavailable, idle: tuple[str, ...] = ()) -> Any:

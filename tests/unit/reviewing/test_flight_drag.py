@@ -16,7 +16,8 @@ from rotorid.flights.tilt_drag import tilt_drag
 from rotorid.report.review import render_reviews
 from rotorid.reviewing.cards import cards
 from rotorid.reviewing.flight import flight
-from rotorid.reviewing.values import FlightSummary, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import FlightSummary
 
 DRAG = {
     "drag_1_s": Quantity.normal(0.3, 0.016, "1/s"),

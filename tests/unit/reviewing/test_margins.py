@@ -17,7 +17,8 @@ from rotorid.models.autopilots.betaflight import BASE, TOP
 from rotorid.models.autopilots.reading import axis_controller
 from rotorid.models.controller import RateController
 from rotorid.reviewing.margins import margins
-from rotorid.reviewing.values import MarginReview, Unavailable
+from rotorid.reviewing.missing import Unavailable
+from rotorid.reviewing.values import MarginReview
 from rotorid.tuning.loops import loop_figures
 from rotorid.tuning.plant import certain_plant
 from rotorid.typing import ComplexArray, FloatArray

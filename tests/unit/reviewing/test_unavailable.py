@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.unavailable import gathered
-from rotorid.reviewing.values import Unavailable
 
 
 def test_a_row_for_several_axes_names_each_of_them() -> None:

@@ -7,7 +7,7 @@ import pytest
 from tests.twins.yaw_drift_flights import yaw_drift_flight, yaw_drift_record
 
 from rotorid.data.quantity import Quantity
-from rotorid.reviewing.values import Unavailable
+from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.yaw_drift import yaw_drift
 
 FLOWN = ((2.0, 238.0),)

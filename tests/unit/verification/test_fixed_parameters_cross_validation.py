@@ -13,11 +13,11 @@ from rotorid.errors import InsufficientDataError, ModelError, UsageError
 from rotorid.verification.fixed_parameters import (
     CrossValidation,
     FixedParameterScores,
-    Kind,
     OutputScore,
     cross_validate,
     rescored,
 )
+from rotorid.verification.verification import Kind
 
 GROUPS, NAMES = (1.0, 2.0, 6.0), ("a", "b", "c")
 

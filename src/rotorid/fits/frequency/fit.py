@@ -16,6 +16,7 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import with_error
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.fits.bootstrapping import Bootstrap
 from rotorid.fits.data_requirements import main_pairs, require_known_gain, require_support
@@ -24,12 +25,7 @@ from rotorid.fits.remarks import NO_BOUND, judge_band, judge_fit, judge_paramete
 from rotorid.fits.searching import Searched, judge_minima, searched
 from rotorid.fits.ties import judge_ties, with_rotor_share
 from rotorid.fitting.frequency.fit import fit_frequency, refine, weights_of
-from rotorid.fitting.frequency.problem import (
-    ACCEPTABLE_COST,
-    FrequencyProblem,
-    only_pairs,
-    within_bands,
-)
+from rotorid.fitting.frequency.problem import FrequencyProblem, only_pairs, within_bands
 from rotorid.fitting.frequency.screening import (
     UnseenCoupling,
     is_coupling,

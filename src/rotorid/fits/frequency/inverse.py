@@ -10,10 +10,11 @@ import numpy as np
 
 from rotorid.data.findings import Finding, Severity, warn
 from rotorid.data.response import FrequencyResponse
+from rotorid.data.trust import EXCELLENT_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.data_requirements import require_support
 from rotorid.fits.frequency.fit import pose
-from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.inverse_controller import SubBand, inverse_controller
 from rotorid.flights.controllers import LoggedController
 from rotorid.flights.flights import Flight

@@ -15,18 +15,11 @@ import numpy as np
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import with_error
-from rotorid.data.trust import CERTAIN_SIGN
+from rotorid.data.trust import ACCEPTABLE_COST, CERTAIN_SIGN
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.data_requirements import main_pairs
 from rotorid.fits.frequency.fit import FrequencyFit, fit_with_bounds
-from rotorid.fitting.frequency.problem import (
-    ACCEPTABLE_COST,
-    DB_PER_NEPER,
-    DEG_PER_RAD,
-    FrequencyProblem,
-    log_error,
-    pair_names,
-)
+from rotorid.fitting.frequency.problem import DB_PER_NEPER, DEG_PER_RAD, FrequencyProblem, log_error, pair_names
 from rotorid.fitting.frequency.screening import (
     above_speed_modes,
 )

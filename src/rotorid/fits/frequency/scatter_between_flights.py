@@ -10,14 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorid.data.trust import RICH_KINDS
+from rotorid.data.trust import ACCEPTABLE_COST, RICH_KINDS
 from rotorid.errors import RotoridError
 from rotorid.fits.frequency.fit import FrequencyFit
 from rotorid.fits.frequency.inverse import pose_screened
 from rotorid.fits.frequency.windows import measured_with_model
 from rotorid.fits.scatter import LogEstimate, amplitude_dependences, disagreements, widened
 from rotorid.fitting.frequency.fit import fit_frequency, refine
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.fitting.least_squares import Outcome
 from rotorid.flights.flights import Flight
 from rotorid.flights.instruments import axes_of

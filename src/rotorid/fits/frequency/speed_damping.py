@@ -27,9 +27,10 @@ import numpy as np
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.data.record import AXES
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.fitting.frequency.fit import fit_frequency
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem, pair_costs, point_weights, within_bands
+from rotorid.fitting.frequency.problem import FrequencyProblem, pair_costs, point_weights, within_bands
 from rotorid.fitting.problem import Part
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import Measured, measure

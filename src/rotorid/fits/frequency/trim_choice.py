@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import cost_of
 from rotorid.fits.frequency.inverse import pose_screened
 from rotorid.fitting.frequency.fit import fit_frequency
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST
 from rotorid.flights.flights import Flight
 from rotorid.flights.measure import measure
 from rotorid.flights.steady_wind import fixed_to_earth

@@ -31,7 +31,7 @@ from rotorid.fitting.time.output_error import (
 from rotorid.flights.segments import TimeRecords
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure, answers
-from rotorid.results.model import Segment
+from rotorid.results.segment import Segment
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.clocks import channel_errors, clock_groups

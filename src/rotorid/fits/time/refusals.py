@@ -9,12 +9,13 @@ import numpy as np
 
 from rotorid.data.findings import Finding, refusal
 from rotorid.data.quantity import with_error
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fits.frequency.fit import FrequencyFit, unbounded_parameters
 from rotorid.fits.frequency.refusals import faster_than_sampled
 from rotorid.fits.time.fit import TimeFit
 from rotorid.fits.time.frequency_check import responses_without_hold
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, pair_names
+from rotorid.fitting.frequency.problem import pair_names
 from rotorid.fitting.least_squares import Outcome, Solution
 from rotorid.flights.instruments import is_command
 from rotorid.flights.segments import TimeRecords

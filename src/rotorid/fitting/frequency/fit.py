@@ -25,9 +25,10 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.pole_order import with_faster_motor
-from rotorid.fitting.frequency.problem import ACCEPTABLE_COST, FrequencyProblem
+from rotorid.fitting.frequency.problem import FrequencyProblem
 from rotorid.fitting.frequency.starts import own_starts, start_values
 from rotorid.fitting.least_squares import (
     LARGEST_DAMPING,

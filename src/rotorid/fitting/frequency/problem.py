@@ -43,12 +43,6 @@ from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.spectral.composite import level_about, output_correlation
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
-ACCEPTABLE_COST = 100.0
-"""Average cost up to which a model is acceptable: the guideline of CIFER."""
-
-EXCELLENT_COST = 50.0
-"""Average cost up to which a model is practically indistinguishable from the flight: the same guideline."""
-
 PHASE_WEIGHT = 0.01745
 """Weight of a squared degree relative to a squared decibel, in CIFER's cost."""
 

@@ -13,9 +13,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from rotorid.data.trust import EXCELLENT_COST, LOWEST_TOP_RAD_S
 from rotorid.errors import ModelError
 from rotorid.fitting.frequency.parameter_map import generic_values
-from rotorid.fitting.frequency.problem import EXCELLENT_COST, FrequencyProblem, pair_names
+from rotorid.fitting.frequency.problem import FrequencyProblem, pair_names
 from rotorid.models.parameter import Parameter
 from rotorid.models.steady_wind import STEADY_DRAG
 from rotorid.models.structure import LinearStructure
@@ -218,9 +219,6 @@ def _equations(structure: LinearStructure, values: Mapping[str, float], directio
     own = (np.abs(H0).sum(axis=2) + np.abs(H1).sum(axis=2)) > 0.0
     return np.asarray((stands[:, None, :] & shows[None]).any(axis=2) | own)
 
-
-LOWEST_TOP_RAD_S = 8.0
-"""A rate model is not identified from data that end below: there the speed modes of the airframe rule."""
 
 _EDGE_STEP = 2.0**0.25
 _LEAST_SPAN = 4.0

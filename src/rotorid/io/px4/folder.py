@@ -17,7 +17,6 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
 from rotorid.io.formats import PACKED
 from rotorid.io.parameters import kept_parameters
-from rotorid.io.px4.log import record_of, wanted_fields
 from rotorid.typing import AnyArray, FloatArray
 
 FORMAT = "PX4 ULog as CSV"
@@ -64,6 +63,8 @@ def read_folder(path: Path, source: Source) -> FlightRecord:
     LogError
         The folder holds no known topic or those of two logs, or a file is damaged; the message names file and line.
     """
+    from rotorid.io.px4.log import record_of, wanted_fields
+
     export = _export(path, source.name)
     arrays: dict[str, AnyArray] = {}
     findings: list[Finding] = []
@@ -87,6 +88,8 @@ def read_topic(path: Path, source: Source) -> FlightRecord:
     LogError
         The file is damaged, or holds no channel that the package has a name for.
     """
+    from rotorid.io.px4.log import record_of, wanted_fields
+
     named = _named(_unpacked(source.name))
     topic = named[1] if named else ""
     columns, cut_bytes = _columns(path, (*_CLOCKS, *wanted_fields().get(topic, ())))
@@ -126,6 +129,8 @@ def _topic_of(file: Path) -> tuple[str, str] | None:
 
 def _named(file: Path) -> tuple[str, str] | None:
     """Name of the log and of the topic in a file name; the longest topic that fits, since names are parts of names."""
+    from rotorid.io.px4.log import wanted_fields
+
     endings = {
         topic: "_{}_{}".format(*(topic if ":" in topic else f"{topic}:0").split(":")) for topic in wanted_fields()
     }

@@ -26,7 +26,8 @@ from rotorid.models.families import named_model
 from rotorid.models.library import rate_model, response_model
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.structure import LinearStructure
-from rotorid.results.model import IdentifiedModel, Segment
+from rotorid.results.model import IdentifiedModel
+from rotorid.results.segment import Segment
 from rotorid.results.summary import Compared
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.simulation.linear import simulate_linear
