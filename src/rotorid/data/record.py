@@ -323,7 +323,12 @@ class Topic(Immutable):
 
     def row(self, name: str) -> int | None:
         """Row of the channel ``name``, or ``None``."""
-        return next((index for index, channel in enumerate(self.channels) if channel.name == name), None)
+        return self._rows.get(name)
+
+    @cached_property
+    def _rows(self) -> Mapping[str, int]:
+        """Name of each channel to its row, of a name that is there twice to the first."""
+        return {self.channels[row].name: row for row in reversed(range(len(self.channels)))}
 
     def place(self, row: int) -> str:
         """Where a row comes from, in words: the topic, or the column of a table."""
@@ -617,10 +622,16 @@ class FlightRecord(Immutable):
 
     def holding(self, name: str) -> Iterator[tuple[Topic, int]]:
         """The topics that hold the channel ``name``, best first, with its row in each."""
+        yield from self._holders.get(name, ())
+
+    @cached_property
+    def _holders(self) -> Mapping[str, Sequence[tuple[Topic, int]]]:
+        """Name of each channel to the topics that hold it, best first, with its row in each."""
+        holders: dict[str, list[tuple[Topic, int]]] = {}
         for topic in self.topics:
-            row = topic.row(name)
-            if row is not None:
-                yield topic, row
+            for name, row in topic._rows.items():
+                holders.setdefault(name, []).append((topic, row))
+        return holders
 
     def rate_hz(self, name: str) -> float:
         """Sample rate of the fastest copy of a channel; zero if the log has none."""

@@ -219,6 +219,7 @@ def order_of_log(record: FlightRecord) -> RotorOrder | None:
         return None
 
 
+@cached_by_value
 def rotor_order(record: FlightRecord, layout: RotorLayout, *, intervals: Intervals = ()) -> RotorOrder:
     """Whether a flight agrees with the order and the directions of a layout.
 

@@ -14,6 +14,7 @@ from rotorid.autopilots.crazyflie import CRAZYFLIE
 from rotorid.autopilots.numbers import whole
 from rotorid.autopilots.px4.autopilot import PX4
 from rotorid.autopilots.registry import autopilot_of, named
+from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark
 from rotorid.data.record import MOTORS, FlightRecord
 from rotorid.errors import InsufficientDataError
@@ -29,6 +30,7 @@ _Y6_CLASS, _Y6_TYPES = 5, (10, 11)
 _OLD_Y6 = 10
 
 
+@cached_by_value
 def layout_of(record: FlightRecord) -> RotorLayout:
     """Rotors of the vehicle that flew a log, in the order of its motors.
 
