@@ -16,6 +16,7 @@ import numpy as np
 
 from rotorid.autopilots.filters import combined_response
 from rotorid.data.axes import ATTITUDE, RATES
+from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.quantity import milliseconds, with_error
 from rotorid.data.record import AXES, LOWEST_RATE_HZ, Channel, FlightRecord, Maneuver, TimeHistory, Topic
@@ -228,17 +229,24 @@ def check_consistency(record: FlightRecord, where: Sequence[Stretch]) -> Consist
     Consistency
         Never an exception: what cannot be compared stands among the findings.
     """
-    checks: list[tuple[Stretch, KinematicCheck]] = []
-    findings: list[Finding] = []
-    skews: list[ChannelSkew] = []
-    for stretch in where:
-        for channels, remarks in _kinematics(record, stretch):
-            checks += [(stretch, check) for check in channels]
-            findings += remarks
-        skews += _same_channels(record, stretch)
-        skews += _vehicle(record, stretch)
-    findings += [_skew_finding(skew) for skew in skews]
-    return Consistency(checks=tuple(checks), skews=tuple(skews), findings=tuple(findings))
+    found = [_of_stretch(record, stretch) for stretch in where]
+    skews = tuple(skew for one in found for skew in one.skews)
+    return Consistency(
+        checks=tuple(check for one in found for check in one.checks),
+        skews=skews,
+        findings=(*(finding for one in found for finding in one.findings), *map(_skew_finding, skews)),
+    )
+
+
+@cached_by_value
+def _of_stretch(record: FlightRecord, stretch: Stretch) -> Consistency:
+    """One stretch, which several measurements of the same maneuvers ask about; of the skews there is no finding yet."""
+    found = list(_kinematics(record, stretch))
+    return Consistency(
+        checks=tuple((stretch, check) for channels, _ in found for check in channels),
+        skews=(*_same_channels(record, stretch), *_vehicle(record, stretch)),
+        findings=tuple(finding for _, remarks in found for finding in remarks),
+    )
 
 
 def _middle(axes: tuple[Axis, ...], start_s: float, stop_s: float) -> Stretch:
