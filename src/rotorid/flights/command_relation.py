@@ -192,7 +192,7 @@ def _transformed(
 
     def spectra(name: str) -> ComplexArray:
         return np.concatenate(
-            [_spectra(np.nan_to_num(history[name]), length, differences)[:, inside] for history in histories]
+            [windowed(np.nan_to_num(history[name]), length, differences)[:, inside] for history in histories]
         )
 
     found = {name: spectra(name) for name in signals}
@@ -220,7 +220,7 @@ def _cut(values: FloatArray, length: int) -> FloatArray:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(values, length)[:: length // 2])
 
 
-def _spectra(values: FloatArray, length: int, differences: int) -> ComplexArray:
+def windowed(values: FloatArray, length: int, differences: int) -> ComplexArray:
     """Spectra of windows, of the differences from sample to sample: what drifts leaks into no other frequency."""
     for _ in range(differences):
         values = np.diff(values, prepend=values[:1])

@@ -240,7 +240,7 @@ def _by_command(
     for way, late_s in timings:
         paths = _later(relation, way, of_rate, late_s)
         ahead = paths.pop("f", np.zeros_like(measured))
-        gains = _path_gains(measured - ahead, paths, related)
+        gains = path_gains(measured - ahead, paths, related)
         # What limits take back of the integral is no other gain.
         shares = {letter: min(max(gains[letter].slope, 0.0), 1.0) if letter == "i" else 1.0 for letter in paths}
         whole = sum((shares[letter] * path for letter, path in paths.items()), start=ahead)
@@ -281,7 +281,7 @@ def _by_terms(
         why = f"Set-point and rate of {axis} explain too little of its P term, whatever the gains"
         return _unchecked(axis, why, _FASTER, setpoint)
     paths = {
-        letter: _path_gains(relation.signals[terms[letter]], {letter: made[letter]}, related)[letter]
+        letter: path_gains(relation.signals[terms[letter]], {letter: made[letter]}, related)[letter]
         for letter in made
         if letter in terms
     }
@@ -378,7 +378,7 @@ def _stacked(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real, values.imag], axis=1)
 
 
-def _path_gains(measured: ComplexArray, made: Mapping[str, ComplexArray], related: BoolArray) -> dict[str, PathGain]:
+def path_gains(measured: ComplexArray, made: Mapping[str, ComplexArray], related: BoolArray) -> dict[str, PathGain]:
     r"""Real gains by least squares, with the standard deviation that leaving out groups of windows shows.
 
     .. math:: \sigma^2 = \frac{G - 1}{G} \sum_g (k_g - \bar k)^2

@@ -10,11 +10,12 @@ import pytest
 from rotorid.data.findings import remark
 from rotorid.data.quantity import Quantity
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
+from rotorid.errors import InsufficientDataError
 from rotorid.models.autopilots.outer import outer_controller
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.check import _measured
 from rotorid.proposing.outer import LoggedOuter
-from rotorid.proposing.outer_flown import checked_by_flight, loop_by_setpoints
+from rotorid.proposing.outer_flown import checked_by_flight, loop_by_setpoints, setpoints_match
 from rotorid.tuning.loops import Gains, LoopFigures, frequency_grid, loop_figures
 from rotorid.tuning.plant import uncertain_plant
 from rotorid.typing import ComplexArray, FloatArray
@@ -31,20 +32,27 @@ DRAG, FAST_RAD_S, DAMPING = 0.3, 9.0, 0.8
 """Drag over mass, and the attitude loop, of second order."""
 
 
-def way(rng: np.random.Generator, gusts_m_s2: float, stick_m_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Velocity that the stick asks for, acceleration that the loop asks for, velocity; PX4's law, step by step."""
+def way(
+    rng: np.random.Generator, gusts_m_s2: float, stick_m_s: float, ahead: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Velocity that the stick asks for, acceleration that the loop asks for, velocity; PX4's law, step by step.
+
+    ``ahead`` is the share of the path's own acceleration that is added.
+    """
     count = round(SECONDS / STEP_S)
     steps = np.repeat(stick_m_s * rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0], 41), round(3.0 / STEP_S))[:count]
-    smooth, slope = 1.0 - np.exp(-STEP_S / 0.4), STEP_S / (STEP_S + 1.0 / (2.0 * np.pi * PX4["MPC_VELD_LP"]))
+    # A path whose acceleration does not jump, as PX4 limits its jerk.
+    late, slope = 1.0 - np.exp(-STEP_S / 0.15), STEP_S / (STEP_S + 1.0 / (2.0 * np.pi * PX4["MPC_VELD_LP"]))
     columns = np.zeros((3, count))
-    asked = place_asked = place = speed = before = sloped = integral = tilt = turn = gust = 0.0
+    asked = wanted = place_asked = place = speed = before = sloped = integral = tilt = turn = gust = 0.0
     for k in range(count):
-        asked += smooth * (steps[k] - asked)
+        wanted += late * ((steps[k] - asked) / 0.4 - wanted)
+        asked += wanted * STEP_S
         place_asked += asked * STEP_S
         error = asked + PX4["MPC_XY_P"] * (place_asked - place) - speed
         sloped += slope * ((speed - before) / STEP_S - sloped)
         before = speed
-        made = PX4["MPC_XY_VEL_P_ACC"] * error + integral - PX4["MPC_XY_VEL_D_ACC"] * sloped
+        made = ahead * wanted + PX4["MPC_XY_VEL_P_ACC"] * error + integral - PX4["MPC_XY_VEL_D_ACC"] * sloped
         integral += PX4["MPC_XY_VEL_I_ACC"] * error * STEP_S
         columns[:, k] = asked, made, speed
         gust += -gust * STEP_S + gusts_m_s2 * np.sqrt(2.0 * STEP_S) * rng.standard_normal()
@@ -55,11 +63,11 @@ def way(rng: np.random.Generator, gusts_m_s2: float, stick_m_s: float) -> tuple[
     return columns[0], columns[1], columns[2]
 
 
-def flight(gusts_m_s2: float = 0.2, seed: int = 0, stick_m_s: float = 1.0) -> FlightRecord:
+def flight(gusts_m_s2: float = 0.2, seed: int = 0, stick_m_s: float = 1.0, ahead: float = 0.0) -> FlightRecord:
     """What PX4 logs of it: the path at 5 Hz, set-points and velocity at 10 Hz, each with stamps of its own."""
     rng = np.random.default_rng(seed)
     time_s = STEP_S * np.arange(round(SECONDS / STEP_S))
-    north, east = way(rng, gusts_m_s2, stick_m_s), way(rng, gusts_m_s2, stick_m_s)
+    north, east = (way(rng, gusts_m_s2, stick_m_s, ahead) for _ in range(2))
     topics = []
     for row, (name, step, first) in enumerate(
         (("velocity_{}_feedforward", 20, 3), ("acceleration_{}_setpoint", 10, 5), ("velocity_{}", 10, 0))
@@ -172,17 +180,45 @@ UNCHECKED = remark("controller_unchecked", "velocity", "Whether the gains made i
 @pytest.mark.parametrize(("gain", "kinds"), [(1.0, []), (0.6, ["methods_disagree"])])
 def test_a_computed_loop_is_compared_with_the_one_of_its_flight(gain: float, kinds: list[str]) -> None:
     found = checked_by_flight(computed(flight(), gain), [UNCHECKED])
-    assert [one.kind for one in found] == [*kinds, "controller_unchecked"]
+    assert [one.kind for one in found] == kinds
     if kinds:
         assert "crossover" in found[0].message
+
+
+def test_gains_without_logged_set_points_stay_unchecked_with_the_reason() -> None:
     still = replace(flight(), topics=flight().topics[1:])
-    assert checked_by_flight(computed(still, gain), [UNCHECKED]) == [UNCHECKED]
+    (found,) = checked_by_flight(computed(still), [UNCHECKED])
+    assert found.kind == "controller_unchecked"
+    assert found.message.endswith("was not checked: the log has no 30 s of moving velocity set-points.")
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_gains_that_did_not_fly_stay_unchecked(factor: float) -> None:
-    """Both loops have the gains of the parameters, so that they agree on wrong ones."""
-    parameters = {**PX4, "MPC_XY_VEL_P_ACC": factor * PX4["MPC_XY_VEL_P_ACC"]}
-    known = computed(replace(flight(), parameters=parameters))
-    assert known.gains == replace(known.gains, P=1.8 * factor)
-    assert checked_by_flight(known, [UNCHECKED]) == [UNCHECKED]
+@pytest.mark.parametrize("ahead", [0.0, 1.0], ids=["", "the path adds its acceleration"])
+@pytest.mark.parametrize("gusts_m_s2", [0.0, 0.3])
+def test_gains_that_flew_made_the_set_points(gusts_m_s2: float, ahead: float) -> None:
+    """S_ra = C_r S_rr - C_v S_rv, whatever the vehicle is and whatever gusts do."""
+    record = flight(gusts_m_s2, ahead=ahead)
+    found = setpoints_match(controller(record), [record])
+    assert found.verdict == "made"
+    assert found.factor is not None
+    assert found.factor.slope == pytest.approx(1.0, abs=0.15 if ahead else 0.04)
+
+
+@pytest.mark.parametrize("ahead", [0.0, 1.0], ids=["", "the path adds its acceleration"])
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("MPC_XY_VEL_P_ACC", 0.5),
+        ("MPC_XY_VEL_P_ACC", 2.0),
+        ("MPC_XY_VEL_I_ACC", 3.0),
+        ("MPC_XY_VEL_D_ACC", 4.0),
+        ("MPC_XY_P", 0.5),
+        ("MPC_XY_P", 2.0),
+    ],
+)
+def test_gains_that_did_not_fly_are_found_and_not_believed(name: str, factor: float, ahead: float) -> None:
+    """Measured and computed loop have the gains of the parameters, so that both agree on wrong ones."""
+    record = replace(flight(ahead=ahead), parameters={**PX4, name: factor * PX4[name]})
+    assert setpoints_match(controller(record), [record]).verdict == "not made"
+    with pytest.raises(InsufficientDataError, match="did not make the logged acceleration set-points") as refused:
+        checked_by_flight(computed(record), [UNCHECKED])
+    assert [one.kind for one in refused.value.findings] == ["other_controller"]
