@@ -81,7 +81,9 @@ def test_a_log_its_result_and_both_give_one_proposal(name: str, axis: Axis, thre
     assert kinds["result"] == kinds["log"] == kinds["both"]
     told = [one for one in found["result"].findings if one.kind in _ONE_LINE]
     assert len(told) == 1
-    assert "so motor limits and the logged gains were not checked. Give the log" in told[0].message
+    assert "was given without its log, so motor limits" in told[0].message
+    noise = three(name, axis)[1]["result"].axes[axis].parts.gyro_noise
+    assert ("the noise of the gyro were not checked" in told[0].message) == (noise is None)
 
 
 @pytest.mark.parametrize("name", LOGS)

@@ -9,6 +9,7 @@ import numpy as np
 
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
+from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.flights.same_vehicle import different_gains, gains_of
@@ -190,7 +191,7 @@ def known_axis(
         findings += [finding for finding in require_room(record, model, axis=axis) if finding not in findings]
     findings += [finding for finding in plant_remarks(axis, given, model) if finding not in findings]
     flown = flown_axis(axis, model, record)
-    findings += require_controller_match(flown) if record is not None else _unchecked(model)
+    findings += require_controller_match(flown) if record is not None else _unchecked(axis, model)
     then = with_filters(flown.record, filters) if filters else None
     # A given result may contain choices of its user; logs alone give what every command measures from them.
     swept = None if model in given else plant_at_hover(axis, logs_of(axis, logs))
@@ -211,11 +212,13 @@ def known_axis(
     return known
 
 
-def _unchecked(model: IdentifiedModel) -> list[Finding]:
+def _unchecked(axis: Axis, model: IdentifiedModel) -> list[Finding]:
     """What was not checked without the log, and remarks on the firmware."""
+    # Older results do not have the noise of the gyro, nor has one of a slow log.
+    unknown = [] if axis in model.data.rate_densities else ["the noise of the gyro"]
     message = (
-        f"{model.name} was given without its log, so motor limits and the logged gains were not checked. Give the log "
-        "with the result."
+        f"{model.name} was given without its log, so {listed(['motor limits', 'the logged gains', *unknown])} were not "
+        "checked. Give the log with the result."
     )
     findings = [finding for finding in model.findings if finding.kind in _OF_FIRMWARE]
     return [*findings, remark("room_not_checked", model.name, message)]

@@ -217,7 +217,7 @@
       const worst = Math.max(...peaks);
       setFigure("worst", `${shown(worst)} on the worst of ${peaks.length} likely vehicles`);
       place.querySelector('[data-figure="worst"]').classList.toggle("poor", worst > axis.limit);
-      setFigure("noise", `${format((100 * loudness(axis, gains, cutoff, found)) / quiet, 3)} % of today's`);
+      setFigure("noise", `${format((100 * loudness(axis, gains, cutoff, found)) / quiet, 3)} % of today's${axis.noise_seen ? "" : ", if it is white: it was not measured"}`);
       for (const [name, input] of Object.entries(inputs)) {
         place.querySelector(`output[data-of="${name}"]`).textContent = format(Number(input.value), 4);
       }

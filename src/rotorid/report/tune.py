@@ -381,6 +381,7 @@ def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:
         "noise": _short(noise / noise.max()),
         # Other filters make other noise of today's gains too, and the whole spectrum may be known.
         "noise_today": tuning.proposal.flown.noise / parts.noise(tuning.proposal.flown.gains),
+        "noise_seen": tuning.noise_seen,
         "gyro": None if parts.gyro_noise is None else _gyro_noise(parts.gyro_noise, controller),
         "flown": tuning.proposal.flown.gains.as_dict(),
         "units": {name: {"name": known_axis.name, "per_si": known_axis.per_si} for name, known_axis in known.items()},

@@ -133,6 +133,9 @@ def tune_sentences(document: TuneDocument) -> tuple[str, ...]:
     return (*(sentence for sentence, _ in axis_sentences(document)), *not_tuned(document).values())
 
 
+_UNKNOWN_NOISE = "noise in the motor commands was not measured"
+"""Of a log that is too slow to show it, or a result that does not have it."""
+
 _VERDICT_WORDS: Mapping[Verdict, str] = {
     "fly": "fly these gains",
     "gently": "fly these gains gently first",
@@ -156,6 +159,8 @@ def verdict_sentence(axis: LoopName, found: AxisJudgedDocument) -> str:
     words += [f"{capital(reason).rstrip('.')}." for reason in found.reasons]
     if found.verdict in ("fly", "gently") and found.attitude_ratio is not None:
         words.append(f"A disturbance {motion_of(axis)} the vehicle {_than_today(found.attitude_ratio)}.")
+    if found.verdict in ("fly", "gently") and found.noise is None and not is_outer(axis) and not found.noisy:
+        words.append(f"{capital(_UNKNOWN_NOISE)}.")
     if found.lower:
         words.append(f"Lower {listed([f'{name} to {value:.3g}' for name, value in found.lower.items()])}.")
     return " ".join(words)
@@ -172,8 +177,9 @@ def _because(axis: LoopName, found: AxisJudgedDocument) -> str:
         times = f"{found.noise_ratio or 1.0:.1f} times"
         if is_outer(axis):
             return f": they pass {times} as much noise of the {axis} estimate as today's"
-        share = "" if found.noise is None else f" ({100.0 * found.noise:.0f} % of their range)"
-        return f": noise in the motor commands is {times} today's{share}"
+        if found.noise is None:
+            return f": {_UNKNOWN_NOISE}, white noise would be {times} today's"
+        return f": noise in the motor commands is {times} today's ({100.0 * found.noise:.0f} % of their range)"
     if found.verdict == "not_enough_data":
         if found.known_to_rad_s:
             end = math.ceil(max(found.known_to_rad_s, plant.omega_rad_s) / (2.0 * math.pi))
@@ -216,7 +222,7 @@ def _gains_words(axis: LoopName, tuning: AxisTuneDocument) -> str:
     if not tuning.changed:
         kept = "no new gains" if _of_today(tuning) else "keep today's gains"
         return ": ".join(filter(None, (kept, "; ".join(tuning.reasons))))
-    return f"{changed_gains(tuning)}{'' if is_outer(axis) else _noise(tuning.noise_ratio)}"
+    return f"{changed_gains(tuning)}{'' if is_outer(axis) else _noise(tuning)}"
 
 
 def changed_gains(tuning: AxisTuneDocument) -> str:
@@ -255,8 +261,11 @@ def _than_today(ratio: QuantityDocument) -> str:
     return "as much as today" if same else f"{_less(ratio)} than today"
 
 
-def _noise(ratio: float) -> str:
+def _noise(tuning: AxisTuneDocument) -> str:
     """What happens to the noise of the motor commands."""
+    ratio = tuning.noise_ratio
+    if tuning.noise_flown is None:
+        return f"; {_UNKNOWN_NOISE}, white noise would be {100.0 * ratio:.0f} % of today's"
     if _QUIETER <= ratio <= _LOUDER:
         return ""
     limit = f" (limit {100.0 * COMMAND_NOISE:.0f} %)" if 1.0 < ratio <= COMMAND_NOISE else ""

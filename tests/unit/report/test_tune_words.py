@@ -8,6 +8,9 @@ from typing import Any
 import pytest
 
 from rotorid.data.trust import ROBUSTNESS
+from rotorid.documents.review import QuantityDocument
+from rotorid.documents.tune import AxisJudgedDocument
+from rotorid.documents.verdict import BreakingDocument
 from rotorid.report.tune_words import (
     _less,
     _than_today,
@@ -21,6 +24,7 @@ from rotorid.report.tune_words import (
     path_sentence,
     stricter_sentence,
     unread,
+    verdict_sentence,
 )
 
 
@@ -133,6 +137,7 @@ def new(ratio: float, *, noise: float = 1.0, phase_deg: float = 50.0, peak: floa
         changed=True,
         attitude_ratio=quantity(ratio),
         noise_ratio=noise,
+        noise_flown=0.01,
         proposed_whole=whole,
         gains={"MC_ROLLRATE_P": SimpleNamespace(flown=0.1, proposed=0.2)},
         reasons=("today M_s of the rate loop exceeds 1.7",) if today else (),
@@ -200,3 +205,41 @@ def test_both_loops_that_miss_a_margin_are_one_sentence() -> None:
     assert missed_sentences(margin_lines(document)) == (
         "Roll: the phase margin is 30.0° (rate loop) and 39.1° (with angle loop); above 40° is fine.",
     )
+
+
+def test_noise_that_was_not_measured_is_not_called_small() -> None:
+    unknown = new(0.5, noise=1.5)
+    unknown.noise_flown = None
+    ((sentence, _),) = axis_sentences(of(roll=unknown))
+    assert sentence == (
+        "Roll: P 0.1 → 0.2; noise in the motor commands was not measured, white noise would be 150 % of today's."
+    )
+
+
+@pytest.mark.parametrize(
+    ("noise", "noisy", "verdict", "said"),
+    [
+        (0.01, False, "fly", "today."),
+        (None, False, "fly", "today. Noise in the motor commands was not measured."),
+        (
+            None,
+            True,
+            "gently",
+            "gently first: noise in the motor commands was not measured, white noise would be 2.5 times today's. A "
+            "disturbance tilts the vehicle 2 times less than today.",
+        ),
+    ],
+)
+def test_a_verdict_says_that_noise_was_not_measured(noise: float | None, noisy: bool, verdict: Any, said: str) -> None:
+    breaking = BreakingDocument(
+        loop="rate", situation="", omega_rad_s=40.0, sensitivity_peak=1.6, gain=1.1, phase_deg=-3.0
+    )
+    found = AxisJudgedDocument(
+        verdict=verdict,
+        breaking=breaking,
+        noisy=noisy,
+        noise=noise,
+        noise_ratio=2.5,
+        attitude_ratio=QuantityDocument(value=0.5, std=0.01, lower=0.48, upper=0.52, unit="1"),
+    )
+    assert verdict_sentence("roll", found).endswith(said)
