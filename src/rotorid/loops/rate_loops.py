@@ -50,7 +50,7 @@ from rotorid.loops.plants import (
     swept_plant,
     whole_flight,
 )
-from rotorid.loops.throttle import plant_at_hover
+from rotorid.loops.throttle import at_hover_throttle, plant_at_hover
 from rotorid.models.autopilots.betaflight import TOP
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import RateController
@@ -203,7 +203,8 @@ def rate_loop(
             return by_stick
         # What identify takes ends below the crossover: the whole flight, or the set-point of the rate, may show it.
         try:
-            over_all = _read(record, ordinary_plant(flight, whole, acting), known, check, controllers)
+            found = at_hover_throttle(ordinary_plant(flight, whole, acting), [record], flight=flight)
+            over_all = _read(record, found, known, check, controllers)
         except PlantUnavailableError:
             if by_stick is None:
                 raise

@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.axes import RATE_OF
-from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.segments import cut
 from rotorid.flights.selection import by_stick
+from rotorid.flights.whole_flights import FlightData
 from rotorid.loops.plants import MeasuredPlant, identified_plant
 from rotorid.signal.excitations import rich_excitations
 from rotorid.signal.motors import logged_outputs
@@ -69,27 +70,41 @@ def plant_at_hover(axis: Axis, records: Sequence[FlightRecord]) -> MeasuredPlant
     return plant and at_hover_throttle(plant, records)
 
 
-def at_hover_throttle(plant: MeasuredPlant, records: Sequence[FlightRecord]) -> MeasuredPlant:
+def at_hover_throttle(
+    plant: MeasuredPlant, records: Sequence[FlightRecord], *, flight: FlightData | None = None
+) -> MeasuredPlant:
     """The plant with the gain that it has at the median throttle; as it was where sweeps show it, or nothing else can.
 
     Parameters
     ----------
     plant
-        Measured over the parts in which the stick moves.
+        Measured over the parts in which the stick moves, or over a whole flight.
     records
         Its logs.
+    flight
+        The flight, where the plant was measured over all of it.
 
     Returns
     -------
     MeasuredPlant
-        With ``gain_error``: the random error of the correction, and half of the correction.
+        With ``gain_error``: the random error of the correction, and half of the correction; of a whole flight whose
+        throttle moves and that cannot be corrected, the largest correction.
     """
     throttle = _throttle(records)
-    if not throttle or any(rich_excitations(record, plant.axis) for record in records):
+    if not throttle or (flight is None and any(rich_excitations(record, plant.axis) for record in records)):
         return plant
-    spectra = _spectra(plant, records, throttle)
+    try:
+        histories = _histories(plant, records, throttle, flight)
+    except InsufficientDataError:
+        return plant
+    levels = [np.mean([history[name] for name in throttle], axis=0) for history in histories]
+    every = np.concatenate(levels)
+    hover = float(np.median(every))
+    if hover <= 0.0 or not np.std(every) > _STEADY * hover:
+        return plant
+    spectra = _spectra(plant, histories, [level / hover - 1.0 for level in levels])
     if spectra is None:
-        return plant
+        return plant if flight is None else replace(plant, gain_error=_LARGEST)
     ratio = _hover_over_mean(spectra)
     groups = np.array_split(np.arange(spectra.output.shape[0]), _GROUPS)
     without = [_hover_over_mean(_left_out(spectra, group)) for group in groups]
@@ -118,19 +133,21 @@ def _fast_motors(record: FlightRecord) -> tuple[str, ...]:
     return outputs.names if outputs.sample_rate_hz >= LOWEST_RATE_HZ else ()
 
 
-def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord], throttle: tuple[str, ...]) -> _Spectra | None:
-    """Spectra of all windows; ``None`` where the throttle rests, or the flight is too short."""
+def _histories(
+    plant: MeasuredPlant, records: Sequence[FlightRecord], throttle: tuple[str, ...], flight: FlightData | None
+) -> Sequence[TimeHistory]:
+    """Instrument, command, rate and throttle on one clock, of the parts over which the plant was measured."""
     command, rate = f"{plant.axis}_command", RATE_OF[plant.axis]
-    try:
-        segments, _ = cut(by_stick(records, (plant.axis,)), channels=(plant.channel, command, rate, *throttle))
-    except InsufficientDataError:
-        return None
-    histories = [segment.history for segment in segments]
-    levels = [np.mean([history[name] for name in throttle], axis=0) for history in histories]
-    every = np.concatenate(levels)
-    hover = float(np.median(every))
-    if hover <= 0.0 or not np.std(every) > _STEADY * hover:
-        return None
+    if flight is not None:
+        during = flight.during(plant.instrument)
+        return flight.histories((command, rate), sampled=(plant.channel, *throttle), intervals=during)
+    segments, _ = cut(by_stick(records, (plant.axis,)), channels=(plant.channel, command, rate, *throttle))
+    return [segment.history for segment in segments]
+
+
+def _spectra(plant: MeasuredPlant, histories: Sequence[TimeHistory], apart: Sequence[FloatArray]) -> _Spectra | None:
+    """Spectra of all windows, with the throttle relative to hover; ``None`` where the flight or its band is short."""
+    command, rate = f"{plant.axis}_command", RATE_OF[plant.axis]
     sample_s = 1.0 / histories[0].sample_rate_hz
     count = round(_WINDOW_S / sample_s)
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(count, sample_s))
@@ -139,10 +156,9 @@ def _spectra(plant: MeasuredPlant, records: Sequence[FlightRecord], throttle: tu
     if lines.size < _FEWEST_LINES:
         return None
     found: list[list[ComplexArray]] = [[] for _ in range(5)]
-    for history, level in zip(histories, levels, strict=True):
-        apart = level / hover - 1.0
+    for history, moved in zip(histories, apart, strict=True):
         stick, asked = history[plant.channel], history[command]
-        for rows, values in zip(found, (stick, apart * stick, asked, apart * asked, history[rate]), strict=True):
+        for rows, values in zip(found, (stick, moved * stick, asked, moved * asked, history[rate]), strict=True):
             rows.append(_windows(values, count)[:, lines])
     rows = [np.concatenate(row) for row in found]
     if len(rows[0]) < 2 * _GROUPS:

@@ -7,22 +7,23 @@ import pytest
 
 from rotorid.data.record import STANDARD_UNITS, Channel, FlightRecord, Source, Status, Topic
 from rotorid.excitation.sticks import everyday_stick
-from rotorid.loops.plants import MeasuredPlant, drawn_plant, identified_plant
+from rotorid.flights.whole_flights import flown as flown_data
+from rotorid.loops.plants import MeasuredPlant, drawn_plant, identified_plant, ordinary_plant, whole_flight
 from rotorid.loops.throttle import at_hover_throttle
 
 RATE_HZ, DURATION_S = 400.0, 60.0
 GAIN, LAG_S, HOVER = 150.0, 0.02, 0.4
 
 
-def flown(*, slope: float, chopped: bool = True) -> FlightRecord:
+def flown(*, slope: float, chopped: bool = True, duration_s: float = DURATION_S) -> FlightRecord:
     """p' = g (1 + slope δ) u behind a lag, held by a rate loop that a stick moves, in gusts."""
     rng = np.random.default_rng(7)
     step_s = 1.0 / RATE_HZ
-    count = round(DURATION_S * RATE_HZ)
-    stick = everyday_stick(level=0.8, duration_s=DURATION_S, sample_rate_hz=RATE_HZ, rng=rng)
+    count = round(duration_s * RATE_HZ)
+    stick = everyday_stick(level=0.8, duration_s=duration_s, sample_rate_hz=RATE_HZ, rng=rng)
     throttle = np.full(count, HOVER)
     at = 2.0
-    while chopped and at < DURATION_S - 2.0:
+    while chopped and at < duration_s - 2.0:
         span = slice(round(at * RATE_HZ), round((at + rng.uniform(0.3, 1.0)) * RATE_HZ))
         throttle[span] = HOVER * rng.choice([0.35, 1.6])
         at += rng.uniform(1.0, 2.5)
@@ -37,9 +38,9 @@ def flown(*, slope: float, chopped: bool = True) -> FlightRecord:
         blown += step_s / 0.3 * (8.0 * gusts[place] - blown)
         rate += step_s * (GAIN * made + blown)
     names = ("p", "p_setpoint", "roll_command", "thrust_command")
-    whole = ((0.0, DURATION_S - step_s),)
+    whole = ((0.0, duration_s - step_s),)
     return FlightRecord(
-        source=Source(name=f"slope {slope}", format="twin", sha256=f"{slope}{chopped}"),
+        source=Source(name=f"slope {slope}", format="twin", sha256=f"{slope}{chopped}{duration_s}"),
         topics=(
             Topic(
                 name="loops",
@@ -93,3 +94,25 @@ def test_a_steady_throttle_changes_nothing() -> None:
     mean = identified_plant("roll", [record])
     assert mean is not None
     assert at_hover_throttle(mean, [record]) is mean
+
+
+def over_all(record: FlightRecord) -> tuple[MeasuredPlant, MeasuredPlant]:
+    """The plant over the whole flight, and at the throttle of hover."""
+    flight = flown_data(record)
+    mean = ordinary_plant(flight, whole_flight(flight, "roll"), [])
+    return mean, at_hover_throttle(mean, [record], flight=flight)
+
+
+def test_a_whole_flight_is_corrected_like_the_parts_in_which_the_stick_moves() -> None:
+    mean, hover = over_all(flown(slope=1.0))
+    assert over_truth(mean) < 0.95
+    assert over_truth(hover) == pytest.approx(1.0, abs=0.03)
+    assert hover.gain_error >= 0.5 * abs(over_truth(hover) / over_truth(mean) - 1.0)
+    mean, hover = over_all(flown(slope=1.0, chopped=False))
+    assert hover is mean
+
+
+def test_a_whole_flight_that_is_too_short_to_be_corrected_is_uncertain() -> None:
+    mean, hover = over_all(flown(slope=1.0, duration_s=14.0))
+    np.testing.assert_array_equal(hover.response.values, mean.response.values)
+    assert hover.gain_error == 0.3
