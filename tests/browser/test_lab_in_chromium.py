@@ -23,6 +23,9 @@ pytest.importorskip("fastapi", reason="the extra lab is not installed")
 SWEEP_S = (33.0, 55.0)
 """Where the example sweeps roll, on the clock of its log."""
 
+REVIEW = 5
+"""The step that reviews the log, in the lab with steps that have ended."""
+
 LINES_OF_CELLS = """
 [...new Set([...document.querySelectorAll("#results .scroll td")].filter((cell) => cell.textContent).map((cell) => {
   const range = document.createRange();
@@ -57,14 +60,12 @@ def with_log(shared_browser: Any, tmp_path: Path, example: Path) -> Iterator[Lab
 
 @pytest.fixture(scope="module")
 def worked(shared_browser: Any, example: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a lab in which the example was reviewed, and a model identified."""
-    with serving(example, private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
+    """Address of a lab onto which the example was dropped, and in which it went through all steps, a review last."""
+    with serving(private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
         with opened(shared_browser, address) as lab:
-            lab.wait_for_tracks()
+            drop_to_export(lab, example, SWEEP_S)
             lab.page.click("#run-review")
-            lab.fill("#model", "rate.roll")
-            lab.page.click("#run-identify")
-            assert (lab.ended(1), lab.ended(2)) == ("done", "done")
+            assert lab.ended(REVIEW) == "done"
         yield address
 
 
@@ -78,11 +79,17 @@ def with_steps(shared_browser: Any, worked: str) -> Iterator[LabPage]:
 
 @pytest.fixture
 def looking(with_steps: LabPage) -> LabPage:
-    """The same lab: what is looked at in a log does not depend on the steps that were carried out."""
+    """The same lab: what is looked at in a log does not depend on the steps that were carried out.
+
+    A page begins with the segment of the last step.
+    """
+    with_steps.page.click("#segments button")
+    assert with_steps.choices()["segments"] == []
     return with_steps
 
 
-def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[float, float]) -> None:
+def drop_to_export(lab: LabPage, log: Path, span: tuple[float, float]) -> None:
+    """What one does with a log: look, mark, measure, identify, tune, export; steps 1 to 4."""
     lab.drop(log)
     lab.wait_for_tracks()
     lab.brush(*span)
@@ -102,7 +109,10 @@ def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[fl
     lab.page.select_option("#step-2 select[aria-label='target of the export']", "json")
     lab.page.click("#step-2 button:text-is('Export')")
     assert lab.ended(4) == "done"
-    # The same words at a terminal give the same numbers, to the last digit.
+
+
+def require_same_at_terminal(lab: LabPage, log: Path, tmp_path: Path) -> None:
+    """The same words at a terminal give the same numbers, to the last digit."""
     folders: dict[str, str] = {}
     for step, compared in (
         (1, ("responses", "loops")),
@@ -119,13 +129,16 @@ def _from_drop_to_export(lab: LabPage, log: Path, tmp_path: Path, span: tuple[fl
             assert shown[key] == again[key], (step, key)
 
 
-def test_from_a_dropped_log_to_an_export(lab: LabPage, example: Path, tmp_path: Path) -> None:
-    _from_drop_to_export(lab, example, tmp_path, SWEEP_S)
+def test_from_a_dropped_log_to_an_export(with_steps: LabPage, example: Path, tmp_path: Path) -> None:
+    assert with_steps.ended(4) == "done"
+    require_same_at_terminal(with_steps, example, tmp_path)
 
 
 @pytest.mark.slow
 def test_from_a_dropped_flight_of_px4_to_an_export(lab: LabPage, shared_data: Path, tmp_path: Path) -> None:
-    _from_drop_to_export(lab, shared_data / "px4_sitl" / "verify.ulg.xz", tmp_path, (40.0, 52.0))
+    log = shared_data / "px4_sitl" / "verify.ulg.xz"
+    drop_to_export(lab, log, (40.0, 52.0))
+    require_same_at_terminal(lab, log, tmp_path)
 
 
 def test_hands_and_keys(looking: LabPage) -> None:
@@ -276,7 +289,7 @@ def test_everybody_can_use_it(with_steps: LabPage) -> None:
         page.emulate_media(color_scheme=theme)
         page.reload()
         lab.wait_for_tracks()
-        lab.ended(2)
+        lab.ended(REVIEW)
         for width in (WIDTH, 400):
             page.set_viewport_size({"width": width, "height": HEIGHT})
             lab.until("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
@@ -297,7 +310,7 @@ def test_everybody_can_use_it(with_steps: LabPage) -> None:
 def test_a_report_opens_in_an_origin_of_its_own(with_steps: LabPage) -> None:
     page = with_steps.page
     with page.context.expect_page() as opened:
-        page.click("#step-1 a:text-is('Open the report')")
+        page.click(f"#step-{REVIEW} a:text-is('Open the report')")
     report = opened.value
     report.wait_for_selector("h1")
     assert report.evaluate("self.origin") == "null"
