@@ -9,15 +9,14 @@ of what is there.
 from __future__ import annotations
 
 import argparse
-import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.hostile.damage import LONGEST_S, ROOT
+from tests import copies
+from tests.hostile.damage import LONGEST_S
 from tests.hostile.structured import BUILDERS
 from tests.hostile.structured_documents import DOCUMENTS
 
@@ -76,8 +75,6 @@ def tried(folder: Path, kinds: Sequence[str], count: int, *, whole: bool, kept: 
     kept
         The file of the lines.
     """
-    places = [str(ROOT), *(entry for entry in sys.path if entry)]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1", "NO_COLOR": "1"}
     folder.mkdir(parents=True, exist_ok=True)
     while True:
         # A line that a killed run did not end is tried again.
@@ -87,24 +84,19 @@ def tried(folder: Path, kinds: Sequence[str], count: int, *, whole: bool, kept: 
         if len(found) >= count * len(kinds):
             return found
         words = [str(folder), ",".join(kinds), str(count), str(len(found)), "whole" if whole else "part"]
-        with kept.open("a", encoding="utf-8") as lines:
-            ran = subprocess.run(
-                [sys.executable, "-m", "tests.hostile.fuzz_child", *words],
-                env=environment,
-                stdout=lines,
-                stderr=subprocess.PIPE,
-                text=True,
-                check=False,
-            )
+        errors = kept.with_suffix(".errors")
+        errors.unlink(missing_ok=True)
+        code = copies.run("tests.hostile.fuzz_child", words, out=kept, errors=errors)
         now = outcomes(kept.read_text(encoding="utf-8").splitlines())
-        if ran.returncode > 0 or (ran.returncode == 0 and len(now) == len(found)):
-            raise AssertionError(f"the child ended with {ran.returncode} after {len(now)} inputs: {ran.stderr[-2000:]}")
-        if ran.returncode < 0:
+        if code > 0 or (code == 0 and len(now) == len(found)):
+            said = errors.read_text(encoding="utf-8", errors="replace")[-2000:]
+            raise AssertionError(f"the child ended with {code} after {len(now)} inputs: {said}")
+        if code < 0:
             # Behind the sandbox a crash of a foreign parser is a sentence; here the parser runs in the child itself.
             number = len(now)
             name = kinds[number // count]
-            crash = name in FOREIGN and -ran.returncode in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS)
-            said = "crash of a foreign parser" if crash else f"FAULT ended by signal {-ran.returncode}"
+            crash = name in FOREIGN and -code in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS)
+            said = "crash of a foreign parser" if crash else f"FAULT ended by signal {-code}"
             with kept.open("a", encoding="utf-8") as lines:
                 lines.write(f"{name}\t{number % count}\t0\t0\t{said}\n")
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import signal
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from tests import copies
 
 from rotorid.data.record import FlightRecord
 from rotorid.errors import RotoridError
@@ -212,13 +210,7 @@ def run(sample: Sample, campaign: Campaign, folder: Path, *, seconds: float = 12
 
 
 def _child(folder: Path, start: int, seconds: float) -> tuple[list[str], int, str]:
-    places = [str(ROOT), *(entry for entry in sys.path if entry)]
-    finished = subprocess.run(
-        [sys.executable, "-m", "tests.hostile.reading_child", str(folder), str(start)],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=seconds,
-        check=False,
-    )
-    return finished.stdout.splitlines(), finished.returncode, finished.stderr
+    out, errors = (folder / f"{name}-{start}.txt" for name in ("out", "errors"))
+    code = copies.run("tests.hostile.reading_child", [str(folder), str(start)], out=out, errors=errors, seconds=seconds)
+    found = out.read_text(encoding="utf-8").splitlines()
+    return found, code, errors.read_text(encoding="utf-8")

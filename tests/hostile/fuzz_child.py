@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from tests.hostile.damage import Sample, hang_limit, incomplete, malformed
@@ -45,6 +46,19 @@ COMMANDS = (
     *("response --inputs roll_command --outputs p", "identify --model rate.roll --segment roll:0:1e9"),
 )
 """What a log without a clock goes through, one of them each."""
+
+
+def prepare() -> None:
+    """Import and compile what every copy needs."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "sound").mkdir()
+        _prepare(Sound(Path(folder) / "sound"), Path(folder), whole=True)
+
+
+def begin(words: Sequence[str]) -> None:
+    """Folder, kinds, how many of each, number of the first, and whether each goes through everything."""
+    folder, kinds, count, start, much = words
+    main(Path(folder), kinds.split(","), int(count), int(start), whole=much == "whole")
 
 
 def main(folder: Path, formats: list[str], count: int, start: int, *, whole: bool) -> None:
@@ -192,4 +206,4 @@ def spoken(words: list[str]) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2].split(","), int(sys.argv[3]), int(sys.argv[4]), whole=sys.argv[5] == "whole")
+    begin(sys.argv[1:])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,11 @@ from rotorid.io import read, sandbox
 from rotorid.io.sandbox import Extract
 
 MEMORY_BYTES = 3 << 30
+
+
+def begin(words: Sequence[str]) -> None:
+    """The folder of the job, and the number of the first variant."""
+    main(Path(words[0]), int(words[1]))
 
 
 def main(folder: Path, start: int) -> None:
@@ -84,4 +89,4 @@ def _extract_here(parser: str, path: Path, options: Mapping[str, Any], *, name: 
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    begin(sys.argv[1:])
