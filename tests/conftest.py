@@ -35,10 +35,10 @@ def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collecto
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the files with the longest tests first, by the table of durations."""
+    """Put tests that share a browser in a row, then the files with the longest tests, by the table of durations."""
     known = json.loads((HERE / "durations.json").read_text(encoding="utf-8"))
     took_s = {HERE.parent / name: seconds for name, seconds in known.items() if seconds > LONG_S}
-    items.sort(key=lambda item: -took_s.get(item.path, 0.0))
+    items.sort(key=lambda item: (HERE / "browser" not in item.path.parents, -took_s.get(item.path, 0.0)))
 
 
 @pytest.hookimpl(trylast=True)

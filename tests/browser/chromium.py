@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,8 +19,8 @@ ALONE = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    # Nothing but the file itself can be reached: every name resolves to nowhere.
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    # Nothing but files and the server of a test can be reached: every name resolves to nowhere.
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 QUIET = ("--headless", *ALONE, "--enable-logging=stderr", "--virtual-time-budget=10000")
 LONGEST_MS = 120_000
@@ -50,18 +49,9 @@ def browser() -> str:
     return found
 
 
-def dump(chromium: str, html: str, folder: Path) -> tuple[str, list[str]]:
-    """The page's elements after its scripts ran, and what it wrote to the console."""
-    file = folder / "page.html"
-    file.write_text(html, encoding="utf-8")
-    command = [chromium, *QUIET, f"--user-data-dir={folder / 'profile'}", "--dump-dom", file.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", timeout=120, check=True)
-    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-
-
 @contextmanager
 def started(chromium: str) -> Iterator[Any]:
-    """A browser that reaches nothing but files, for :func:`asked` and :func:`elements`; starting it takes a second."""
+    """A browser without a network, for :func:`asked` and :func:`elements`; starting it takes a second."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     with playwright.sync_playwright() as driver:
         opened = driver.chromium.launch(executable_path=chromium, args=list(ALONE))

@@ -1,38 +1,47 @@
-"""The browser, looked for once, and labs that tests share because they change nothing in them."""
+"""The browser, started once for all tests in a row that need it, and labs that tests share as they change nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.browser.chromium import browser, started
 from tests.browser.lab_page import TOKEN, LabPage, example_log, opened, serving
-from tests.browser.lab_page import chromium as started_chromium
+
+HERE = Path(__file__).resolve().parent
+_browsers: list[Any] = []
+_open = ExitStack()
 
 
-@pytest.fixture(scope="session")
-def chromium() -> str:
-    return browser()
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, None, None]:
+    """Close the browser behind the last of these tests: while it is open, no other has a loop of events of its own."""
+    yield
+    if nextitem is None or HERE not in nextitem.path.parents:
+        _browsers.clear()
+        _open.close()
 
 
 @pytest.fixture(scope="module")
-def alone(chromium: str) -> Iterator[Any]:
-    """A browser that reaches nothing but files."""
-    with started(chromium) as opened:
-        yield opened
+def shared_browser() -> Any:
+    """A browser that reaches files and this machine; what belongs to a test is a context of its own."""
+    if not _browsers:
+        _browsers.append(_open.enter_context(started(browser())))
+    return _browsers[0]
+
+
+@pytest.fixture(scope="module")
+def alone(shared_browser: Any) -> Any:
+    """The browser for pages that reach nothing but themselves."""
+    return shared_browser
 
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return example_log(tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def shared_browser() -> Iterator[Any]:
-    with started_chromium() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import pytest
-from tests.browser.lab_page import chromium, violations
+from tests.browser.lab_page import violations
 from tests.browser.test_fleet_in_chromium import page_of
 from tests.browser.test_tuning_in_chromium import proposed
 from tests.fleet_logs import table_of
@@ -123,15 +123,9 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Pages:
     return Pages(tmp_path_factory.mktemp("pages"))
 
 
-@pytest.fixture(scope="module")
-def started() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
 @pytest.fixture
-def page(started: Any) -> Iterator[Any]:
-    context = started.new_context(viewport={"width": 1300, "height": 900}, accept_downloads=True)
+def page(shared_browser: Any) -> Iterator[Any]:
+    context = shared_browser.new_context(viewport={"width": 1300, "height": 900}, accept_downloads=True)
     yield context.new_page()
     context.close()
 
