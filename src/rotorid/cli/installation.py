@@ -259,9 +259,9 @@ def _memory_b() -> int | None:
 
 def _cache() -> list[Check]:
     """Where compiled code is kept: without such a place every command compiles anew, for a minute."""
-    own = os.environ.get("NUMBA_CACHE_DIR")
-    # Beside the package, or in the user's own cache where the package cannot be written: Numba's rule.
-    places = [Path(own)] if own else [Path(__file__).parent.parent, Path.home() / ".cache" / "numba"]
+    from rotorid.compiling import kept_in
+
+    places = kept_in()
     for place in places:
         there = next((path for path in (place, *place.parents) if path.exists()), place)
         if os.access(there, os.W_OK):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import FloatArray
 
 

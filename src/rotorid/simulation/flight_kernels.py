@@ -16,8 +16,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.simulation.multirotor import (
     ACCELERATION,
     ACCELERATION_RAW,
@@ -61,9 +61,7 @@ def bare(**options: Any) -> Callable[[Kernel], Kernel]:
     options
         More for ``njit``, such as ``forceinline`` and ``fastmath``.
     """
-    untyped: Any = njit
-    compiled: Callable[[Kernel], Kernel] = untyped(cache=True, nogil=True, error_model="numpy", _nrt=False, **options)
-    return compiled
+    return njit(cache=True, nogil=True, error_model="numpy", _nrt=False, **options)
 
 
 @bare(fastmath={"contract", "nsz"}, forceinline=True)

@@ -6,8 +6,8 @@ Importing this module imports Numba: do it inside a function.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import FloatArray, IntArray
 
 

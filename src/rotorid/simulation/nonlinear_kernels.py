@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.models.compiled import ABS, ADD, COS, DIVIDE, EXP, LOG, MULTIPLY, NEGATE, POWER, SIN, SQRT, TAN
 from rotorid.typing import FloatArray, IntArray
 

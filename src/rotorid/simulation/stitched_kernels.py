@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import FloatArray, IntArray
 
 GRAVITY_M_S2 = 9.80665

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import FloatArray, IntArray
 
 LAG_UP, LAG_DOWN, DELAY, LEVEL, SLOPE, CURVE, FACTOR, EXPONENT, START = range(1, 10)

@@ -9,8 +9,8 @@ the array. A frame that ends in the padding is one that the log cuts off.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import AnyArray, IntArray
 
 MASK = 0xFFFFFFFF

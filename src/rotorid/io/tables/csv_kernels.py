@@ -9,8 +9,8 @@ noted down.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from rotorid.compiling import njit
 from rotorid.typing import AnyArray, BoolArray, FloatArray, IntArray
 
 _POWERS = 10.0 ** np.arange(23)
