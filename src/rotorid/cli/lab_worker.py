@@ -6,7 +6,6 @@ import contextlib
 import json
 import logging
 import math
-import os
 import sys
 from pathlib import Path
 
@@ -70,18 +69,15 @@ def main() -> None:
 
 
 def _keep_to(readable: list[str], writable: list[str]) -> None:
-    """Keep this process to some places, its own compiled code and the user's preferences."""
+    """Keep this process to some places, compiled code of commands like it and the user's preferences."""
     from rotorid.cli.preferences import place
     from rotorid.io.confinement import confine_files
 
     package = Path(__file__).resolve().parents[1]
-    compiled = [Path(os.environ.get("NUMBA_CACHE_DIR", Path.home() / ".cache" / "numba"))]
-    if "NUMBA_CACHE_DIR" not in os.environ:
-        compiled += package.rglob("__pycache__")
     preferred = place()
     confine_files(
         readable=[*map(Path, readable), package, *([] if preferred is None else [preferred])],
-        writable=[*map(Path, writable), *compiled],
+        writable=[Path(place) for place in writable],
     )
 
 

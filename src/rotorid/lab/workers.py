@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Final, Literal, TypeAlias
 
+from rotorid.compiling import kept_apart
 from rotorid.errors import UsageError
 from rotorid.io.children import end_session
 
@@ -183,7 +184,7 @@ class Workers:
                     stdout=output,
                     stderr=subprocess.PIPE,
                     cwd=job.folder,
-                    env=None if self._places is None else {**os.environ, **dict.fromkeys(_TEMPORARY, str(job.folder))},
+                    env=None if self._places is None else _environment(job.folder),
                     start_new_session=True,
                 )
         late = threading.Event()
@@ -212,8 +213,21 @@ class Workers:
     def _allowed(self, folder: Path) -> dict[str, list[str]]:
         if self._places is None:
             return {}
-        writable = [str(place) for place in (*self._places.writable, folder)]
+        writable = [str(place) for place in (*self._places.writable, folder, _compiled(folder))]
         return {"readable": [str(place) for place in self._places.readable], "writable": writable}
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """What a command that is kept to some places finds its own with."""
+    return {**os.environ, **dict.fromkeys(_TEMPORARY, str(folder)), "NUMBA_CACHE_DIR": str(_compiled(folder))}
+
+
+def _compiled(folder: Path) -> Path:
+    """The folder of compiled code of such commands, made where that can be."""
+    place = kept_apart(folder)
+    with contextlib.suppress(OSError):
+        place.mkdir(parents=True, exist_ok=True)
+    return place
 
 
 def _how(code: int, last: str) -> tuple[State, str]:

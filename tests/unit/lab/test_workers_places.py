@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,22 @@ CONFINED = """
 import sys
 from rotorid.io.confinement import confine_files
 sys.exit(not confine_files(readable=[], writable=[]))
+"""
+
+KEPT = """
+import sys
+from pathlib import Path
+import rotorid
+from rotorid.cli.lab_worker import _keep_to
+from rotorid.compiling import kept_in
+_keep_to([], sys.argv[1:])
+(Path(sys.argv[1]) / "own").write_text("")
+for place in (*kept_in(), Path(rotorid.__file__).parent / "__pycache__"):
+    try:
+        (place / "left.pyc").write_text("")
+    except OSError:
+        continue
+    sys.exit(f"{place} was written")
 """
 
 
@@ -67,6 +84,16 @@ def test_nothing_outside_is_written(workers: Workers, tmp_path: Path) -> None:
         job = ran(workers, tmp_path / "job", "inspect", log, "--out", place)
         assert job.state == "refused"
         assert not place.exists()
+
+
+def test_no_code_is_left_for_commands_that_are_not_kept_to_places(tmp_path: Path) -> None:
+    place = tmp_path / "cache" / "numba" / "confined"
+    place.mkdir(parents=True)
+    home = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    home.pop("NUMBA_CACHE_DIR", None)
+    ran = subprocess.run([sys.executable, "-c", KEPT, place], env=home, capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (place / "own").is_file()
 
 
 def test_a_foreign_parser_still_runs_in_its_own_sandbox(workers: Workers, tmp_path: Path) -> None:
