@@ -59,6 +59,8 @@ _LOOKS_S = 0.25
 _LIST = "the tool files lists results"
 
 _LOG = logging.getLogger("rotorid.mcp")
+_OTHER_KINDS = (AttributeError, LookupError, TypeError, ValueError)
+"""What parts of another kind raise in a document that somebody edited."""
 
 INSTRUCTIONS = (
     "System identification of multirotors from flight logs. Paths are relative to the folders named at start; the tool "
@@ -162,7 +164,10 @@ class Desk:
 
     def flights(self, log: Path) -> list[SpanDocument] | None:
         """Flights of a log, if they are known from an earlier call."""
-        return self._flights.get(_facts(log))
+        # A log may be gone, or changed, before its answer is there.
+        with suppress(OSError):
+            return self._flights.get(_facts(log))
+        return []
 
     def list_files(self) -> AnswerDocument:
         """Logs, and folders of results."""
@@ -205,13 +210,20 @@ class Desk:
                 part = part[name]
             else:
                 raise UsageError(f"{visible(call.key)!r} is not in {main.name}", needed=_keys(part))
+        try:
+            spans, unchecked = evidence(whole), not_checked(whole)
+        except _OTHER_KINDS:
+            raise UsageError(
+                f"{main.name} of {visible(call.result)!r} is damaged: a part is not of the kind that it should be",
+                remedy="run its command again",
+            ) from None
         # A part is no document: nothing is a detail of it.
         body = part if call.key else {name: value for name, value in whole.items() if name != "schema"}
         return AnswerDocument(
             tool="details",
             state="done",
-            evidence=evidence(whole),
-            not_checked=not_checked(whole),
+            evidence=spans,
+            not_checked=unchecked,
             answer=body,
             folder=self.folders.name_of(folder),
         )
@@ -248,7 +260,7 @@ class Desk:
 
     def _of_result(self, result: Path) -> list[SpanDocument]:
         """The spans that a result was fitted to."""
-        with suppress(OSError, ValueError, RotoridError):
+        with suppress(OSError, RotoridError, *_OTHER_KINDS):
             main = self._main(result if result.is_dir() else result.parent, result.name)
             return evidence(parse_json(read_text(main, needed="a result", most_bytes=MOST_DOCUMENT_BYTES)))
         return []
@@ -257,7 +269,8 @@ class Desk:
         """The flights of a log, for tools whose results do not name them."""
         spans = [span for span in answer.evidence if span.use == "in the air"]
         if spans and len(command.logs) == 1:
-            self._flights[_facts(command.logs[0])] = spans
+            with suppress(OSError):
+                self._flights[_facts(command.logs[0])] = spans
 
     def without_places(self, text: str) -> str:
         """A sentence without the folders of this machine."""

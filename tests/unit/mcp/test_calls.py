@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from rotorid.errors import UsageError
+from rotorid.lab.workers import Job
 from rotorid.mcp.calls import TOOLS, DetailsCall, command_of, parse_call
 from rotorid.mcp.folders import Folders, named_folders
 from rotorid.mcp.server import Desk, tool_schema
@@ -99,6 +102,47 @@ def test_a_result_that_is_none_is_refused_in_words(text: str, sentence: str, fol
     try:
         with pytest.raises(UsageError, match=f"{place.name} of 'model' {sentence}"):
             desk.details(DetailsCall(result="model"))
+    finally:
+        desk.close()
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"findings": [1]},
+        {"cannot_tell": 5},
+        {"judged": [1]},
+        {"judged": {"axes": {"roll": 1}}},
+        {"verification": "x"},
+        {"flights_s": [1]},
+        {"flights": [{"start_s": "a", "stop_s": {}}]},
+        {"results": [{"findings": {"a": 1}}]},
+    ],
+    ids=str,
+)
+def test_a_result_with_parts_of_another_kind_is_refused_in_words(document: dict[str, Any], folders: Folders) -> None:
+    (folders.find("model", "folder") / "result.json").write_text(json.dumps(document))
+    desk = Desk(folders)
+    try:
+        with pytest.raises(UsageError, match="of 'model' is damaged: a part is not of the kind that it should be"):
+            desk.details(DetailsCall(result="model"))
+    finally:
+        desk.close()
+
+
+def test_an_answer_stays_when_its_log_is_gone(folders: Folders) -> None:
+    log = folders.find("a.ulg", "file")
+    desk = Desk(folders)
+    try:
+        command = desk.command(parse_call("inspect", {"log": "a.ulg"}))
+        log.unlink()
+        (folder := desk._place / "call").mkdir()
+        job = Job([], folder, state="done", process=cast(Any, SimpleNamespace(returncode=0)))
+        document = {"schema": "rotorid.inspect/1", "name": "a.ulg", "flights": [{"start_s": 1.0, "stop_s": 9.0}]}
+        job.output.write_text(json.dumps(document))
+        answer = desk.answer("inspect", command, job)
+        assert (answer.state, answer.evidence[0].use) == ("done", "in the air")
+        assert desk.flights(log) == []
     finally:
         desk.close()
 
