@@ -30,7 +30,7 @@ COMMANDS: Mapping[str, Sequence[str]] = {
     "compare": ("compare", "RESULT", "OTHER", "--log", "LOG"),
     "review": ("review", "LOG"),
     "delay": ("delay", "LOG"),
-    "track": ("track", "LOG", "--model", "rate.roll", "--first", "30"),
+    "track": ("track", "FLOWN"),
     "tune": ("tune", "FLOWN", "--axis", "roll"),
     "tune --judge": ("tune", "FLOWN", "--axis", "roll", "--judge", "GAINS"),
     "stitch": ("stitch", "AT-0", "AT-4"),

@@ -146,6 +146,8 @@ class Run:
         """What is wrong with the folder of the results: neither a whole set, nor none where there was none before."""
         out = self.work / "out"
         found = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()} - STAYS
+        # What a fleet keeps for its next run is written beside the set; that run removes the rest of it.
+        found = {name for name in found if not name.startswith(LEFTOVER)}
         wrong = []
         if found != self.names and (found or not first):
             wrong.append(f"{sorted(self.names ^ found)[:5]} are too many or too few")
@@ -190,7 +192,8 @@ def main(work: Path, plan: Sequence[tuple[Fault, int]], words: Sequence[str]) ->
     wrong = run.wrong(first=False)
     # What the next run begins with.
     clear_leftovers(work)
-    wrong += [f"{path.name} was left behind" for path in work.iterdir() if path != out]
+    left = [path for path in work.iterdir() if path != out] + list(out.glob(f"{LEFTOVER}*"))
+    wrong += [f"{path.name} was left behind" for path in left]
     wrong += [] if code == again else [f"the code was {code}, and then {again}"]
     lines = [*run.lines, {"fault": "next run", "ended": again, "files": len(names), "wrong": wrong}]
     print(*map(json.dumps, lines), sep="\n")
