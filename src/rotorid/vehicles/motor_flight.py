@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from rotorid.data.record import MotorRecord
 from rotorid.models.rotors import RotorLayout, library_layout
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from rotorid.vehicles.motor_flight_kernels import Loop
 
 ARM_M = 0.2 * 2.0**0.5
 """Center of gravity to each rotor."""
@@ -57,7 +60,7 @@ TRUTH: Mapping[str, float] = MappingProxyType(
 
 _SUBSTEPS = 4
 _SLOW_S = 0.2
-_GUSTS = np.array([1.0, 1.0, 0.15])
+_GUSTS = (1.0, 1.0, 0.15)
 _CYCLES_HZ = (
     np.array([0.3, 0.9, 1.7, 3.1, 5.3]),
     np.array([0.4, 1.1, 2.1, 3.7, 6.1]),
@@ -65,10 +68,12 @@ _CYCLES_HZ = (
     np.array([0.35, 0.7, 1.5, 2.7, 4.7]),
 )
 _AMPLITUDES = (0.008, 0.008, 0.02, 0.03)
-_RATE_GAINS = np.array([0.02, 0.024, 0.08])
+_RATE_GAINS = (0.02, 0.024, 0.08)
 _ATTITUDE_RAD_S = 3.0
 _HEAVE_GAIN = 0.05
-_LIMITS = (0.1, 0.95)
+_LOWEST, _HIGHEST = 0.1, 0.95
+_AT_ONCE = 1 << 10
+"""Samples whose noise is drawn at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,34 +185,30 @@ def flights(
     >>> first.outputs.shape, first.rates.shape, second.w.shape
     ((4, 200), (3, 200), (200,))
     """
+    from rotorid.vehicles.motor_flight_kernels import Flying, fly
+
     rng = np.random.default_rng(seed)
     samples, step = round(duration_s * sample_rate_hz), 1.0 / sample_rate_hz
     excitation = _excitation(rng, count, step * np.arange(samples, dtype=np.float64))
     excitation = np.broadcast_to(np.asarray(size, dtype=np.float64), (count, 4))[..., None] * excitation
-    pace, mixer = _pace(step / _SUBSTEPS), np.vstack([np.sign(levers()), np.ones(4)])
     load = np.broadcast_to(np.asarray(load_factor, dtype=np.float64), (samples,))
     # A climb asks for the thrust that its damping takes.
     trim = _trim_outputs(load - TRUTH["Z_w"] * climb_m_s / STANDARD_GRAVITY_M_S2)
-    rest = np.full((count, 4), trim[0])
-    now = _Motion(rest, np.zeros((count, 3)), np.full(count, -climb_m_s), np.zeros((count, 3)))
-    waiting = [rest] * round(TRUTH["tau_gyro"] / pace.step_s)
-    angle, sway = np.zeros((count, 3)), np.zeros(count)
-    calm = pace.calm**_SUBSTEPS
+    flying = Flying(
+        motor_speed=np.full((count, 4), trim[0]),
+        rate=np.zeros((count, 3)),
+        w=np.full(count, -climb_m_s),
+        gust=np.zeros((count, 3)),
+        angle=np.zeros((count, 3)),
+        sway=np.zeros(count),
+    )
     outputs, rates = np.zeros((count, 4, samples)), np.zeros((count, 3, samples))
     force, speed = np.zeros((count, samples)), np.zeros((count, samples))
-    for place in range(samples):
-        measured = now.rate + air.gyro * rng.standard_normal((count, 3))
-        angle = angle + step * measured
-        command = excitation[:, :, place] - _answer(measured, angle, now.w + climb_m_s)
-        output = np.clip(trim[place] + command @ mixer, *_LIMITS)
-        outputs[:, :, place], rates[:, :, place], speed[:, place] = output, measured, now.w
-        sway = calm * sway + np.sqrt(1.0 - calm**2) * rng.standard_normal(count)
-        noise = air.accelerometer * (sway + rng.standard_normal(count))
-        force[:, place] = -thrust(now.motor_speed).sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w + noise
-        for _ in range(_SUBSTEPS):
-            waiting.append(output)
-            gust = air.gust * rng.standard_normal((count, 3))
-            now = _moved(now, waiting.pop(0), gust, pace, STANDARD_GRAVITY_M_S2 * float(load[place]))
+    loop, pull = _loop(step, air, climb_m_s), STANDARD_GRAVITY_M_S2 * load
+    drawn = count * (3 + 1 + 1 + 3 * _SUBSTEPS)
+    for first in range(0, samples, _AT_ONCE):
+        noise = rng.standard_normal((min(_AT_ONCE, samples - first), drawn))
+        fly(loop, flying, noise, first, excitation, trim, pull, outputs, rates, force, speed)
     return [
         MotorRecord(
             name=f"flight {number}",
@@ -233,54 +234,32 @@ def channels(record: MotorRecord) -> dict[str, FloatArray]:
     return {**motors, **dict(zip("pqr", record.rates, strict=True)), "az": record.az, "w": record.w}
 
 
-class _Motion(NamedTuple):
-    """Outputs that the motors have reached, body rates, velocity down, angular acceleration by gusts."""
+def _loop(step_s: float, air: Air, climb_m_s: float) -> Loop:
+    from rotorid.vehicles.motor_flight_kernels import Loop
 
-    motor_speed: FloatArray
-    rate: FloatArray
-    w: FloatArray
-    gust: FloatArray
-
-
-class _Pace(NamedTuple):
-    """A short step: its length, what is left of a lag and of a gust after it, gains and dampings of the axes."""
-
-    step_s: float
-    decay: float
-    calm: float
-    gains: FloatArray
-    damping: FloatArray
-
-
-def _pace(step_s: float) -> _Pace:
     inverse = np.array([1.0 / TRUTH["I_xx"], 1.0 / TRUTH["I_yy"], TRUTH["kappa_per_I_zz"]])
-    damping = np.array([TRUTH["L_p"], TRUTH["M_q"], TRUTH["N_r"]])
-    return _Pace(
+    return Loop(
         step_s=step_s,
-        decay=float(np.exp(-step_s / TRUTH["T_motor"])),
-        calm=float(np.exp(-step_s / _SLOW_S)),
+        substeps=_SUBSTEPS,
+        late=round(TRUTH["tau_gyro"] / (step_s / _SUBSTEPS)),
+        mass_kg=TRUTH["m"],
+        curve=(TRUTH["c_0"], TRUTH["c_1"], TRUTH["c_2"]),
+        heave_1_s=TRUTH["Z_w"],
+        lag_s=TRUTH["T_motor"],
+        slow_s=_SLOW_S,
+        damping=(TRUTH["L_p"], TRUTH["M_q"], TRUTH["N_r"]),
         gains=inverse[:, None] * levers(),
-        damping=damping,
+        mixer=np.vstack([np.sign(levers()), np.ones(4)]),
+        rate_gains=_RATE_GAINS,
+        attitude_rad_s=_ATTITUDE_RAD_S,
+        heave_gain=_HEAVE_GAIN,
+        lowest=_LOWEST,
+        highest=_HIGHEST,
+        gyro=float(air.gyro),
+        gusts=(_GUSTS[0] * air.gust, _GUSTS[1] * air.gust, _GUSTS[2] * air.gust),
+        accelerometer=float(air.accelerometer),
+        climb_m_s=float(climb_m_s),
     )
-
-
-def _moved(now: _Motion, held: FloatArray, noise: FloatArray, pace: _Pace, pull: float) -> _Motion:
-    """The motion a short step later, with m/s² downward; the mean thrust over the step is Simpson's."""
-    motor_speed = held + (now.motor_speed - held) * pace.decay
-    halfway = held + (now.motor_speed - held) * np.sqrt(pace.decay)
-    mean = (thrust(now.motor_speed) + thrust(motor_speed) + 4.0 * thrust(halfway)) / 6.0
-    gust = pace.calm * now.gust + np.sqrt(1.0 - pace.calm**2) * _GUSTS * noise
-    pushed = mean @ pace.gains.T + gust
-    rate = (
-        now.rate * np.exp(pace.damping * pace.step_s) + pace.step_s * np.exp(0.5 * pace.damping * pace.step_s) * pushed
-    )
-    falling = pull - mean.sum(axis=1) / TRUTH["m"] + TRUTH["Z_w"] * now.w
-    return _Motion(motor_speed, rate, now.w + pace.step_s * falling, gust)
-
-
-def _answer(measured: FloatArray, angle: FloatArray, w: FloatArray) -> FloatArray:
-    """What the controller takes off the excitation: roll, pitch, yaw, thrust, shape ``(count, 4)``."""
-    return np.column_stack([_RATE_GAINS * (measured + _ATTITUDE_RAD_S * angle), -_HEAVE_GAIN * w])
 
 
 def _excitation(rng: np.random.Generator, count: int, time_s: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,12 @@ THRUST_BY_SPEED = 6e-6
 """N s^2: thrust of a rotor by the square of its speed."""
 
 ARM_M = 0.2 * 2.0**0.5
+
+
+@cache
+def flown(seed: int, size: float = 1.0) -> MotorRecord:
+    """A flight of 20 s, made once for all its logs."""
+    return flights(1, seed=seed, duration_s=20.0, size=size)[0]
 
 
 def written(record: MotorRecord, path: Path, *, every: int = 1) -> Path:
@@ -40,7 +47,7 @@ def with_speeds(path: Path, *, seed: int = 1, momentum: float = 0.0) -> Path:
 
     Of what a rotor gains of its speed the vehicle takes up a share, its inertia over that of yaw.
     """
-    record = flights(1, seed=seed, duration_s=20.0)[0]
+    record = flown(seed)
     level = motor_speed(
         record.outputs, lag_s=TRUTH["T_motor"], delay_s=TRUTH["tau_gyro"], step_s=1.0 / record.sample_rate_hz
     ).level.real
@@ -66,7 +73,7 @@ def leaning(path: Path, *, seed: int = 1, still: bool = False, positions: bool =
 
     Where it is still nothing moves it sideways, as on a rope, and velocity is noise.
     """
-    record = flights(1, seed=seed, duration_s=20.0)[0]
+    record = flown(seed)
     rng, step = np.random.default_rng(seed), 1.0 / record.sample_rate_hz
     level = motor_speed(record.outputs, lag_s=TRUTH["T_motor"], delay_s=TRUTH["tau_gyro"], step_s=step).level.real
     force = (
@@ -100,11 +107,11 @@ def leaning(path: Path, *, seed: int = 1, still: bool = False, positions: bool =
 
 def flight(path: Path, *, seed: int = 1, size: float = 1.0, every: int = 1) -> Path:
     """One flight with sums of sines on all axes, or in gusts alone."""
-    return written(flights(1, seed=seed, duration_s=20.0, size=size)[0], path, every=every)
+    return written(flown(seed, size), path, every=every)
 
 
 def repeated(path: Path, *, every: int) -> Path:
     """The same flight, each so-manieth sample of the motors repeated until the next."""
-    record = flights(1, seed=1, duration_s=20.0)[0]
+    record = flown(1)
     held = np.repeat(record.outputs[:, ::every], every, axis=1)[:, : record.samples]
     return written(replace(record, outputs=held), path)
