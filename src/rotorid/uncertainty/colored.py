@@ -321,23 +321,21 @@ def _stacked(processes: Sequence[Process]) -> Process:
 def _whittle(lags: FloatArray) -> list[Process]:
     """Whittle's recursion: the autoregressions of all orders, each from the one before, while they are stable."""
     outputs = lags.shape[1]
-    forward: list[FloatArray] = []
-    backward: list[FloatArray] = []
+    forward, backward = np.zeros((0, outputs, outputs)), np.zeros((0, outputs, outputs))
     ahead, behind = lags[0], lags[0]
-    found = [Process(np.zeros((0, outputs, outputs)), ahead)]
+    found = [Process(forward, ahead)]
     for order in range(1, len(lags)):
-        known = (A @ lags[order - 1 - i] for i, A in enumerate(forward))
-        delta = lags[order] - sum(known, start=np.zeros_like(ahead))
+        delta = lags[order] - (forward @ lags[order - 1 : 0 : -1]).sum(axis=0)
         A, B = np.linalg.solve(behind.T, delta.T).T, np.linalg.solve(ahead.T, delta).T
         forward, backward = (
-            [*(f - A @ b for f, b in zip(forward, reversed(backward), strict=True)), A],
-            [*(b - B @ f for b, f in zip(backward, reversed(forward), strict=True)), B],
+            np.concatenate([forward - A @ backward[::-1], A[None]]),
+            np.concatenate([backward - B @ forward[::-1], B[None]]),
         )
         ahead, behind = ahead - A @ delta.T, behind - B @ delta
         ahead, behind = (ahead + ahead.T) / 2.0, (behind + behind.T) / 2.0
         if min(np.linalg.eigvalsh(ahead)[0], np.linalg.eigvalsh(behind)[0]) <= 0.0:
             break
-        found.append(Process(np.stack(forward), ahead))
+        found.append(Process(forward, ahead))
     return found
 
 
