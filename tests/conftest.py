@@ -6,11 +6,12 @@ import gc
 import json
 import lzma
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pytest
 from _pytest.doctest import DoctestModule
+from tests.flights_read_once import ReadOnce, reads_anew
 
 # No test looks as somebody prefers it.
 os.environ["ROTORID_SETTINGS"] = ""
@@ -48,26 +49,33 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.enable()
 
 
+DATA = Path(os.environ.get("ROTORID_DATA", HERE.parent.parent / "shared" / "data"))
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of the real and simulated flights, or a skip with the reason."""
-    folder = Path(os.environ.get("ROTORID_DATA", HERE.parent.parent / "shared" / "data"))
-    if not folder.is_dir():
-        pytest.skip(f"no flight data at {folder}; set ROTORID_DATA to their folder")
-    return folder
+    if not DATA.is_dir():
+        pytest.skip(f"no flight data at {DATA}; set ROTORID_DATA to their folder")
+    return DATA
 
 
 @pytest.fixture(scope="session")
-def unpacked(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Path of a data file, unpacked once for all workers when it is an ``.xz``."""
+def unpacked_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where all workers find what was unpacked."""
     base = tmp_path_factory.getbasetemp()
-    cache = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "unpacked"
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "unpacked"
+
+
+@pytest.fixture(scope="session")
+def unpacked(shared_data: Path, unpacked_folder: Path) -> Callable[[str], Path]:
+    """Path of a data file, unpacked once for all workers when it is an ``.xz``."""
 
     def path_of(name: str) -> Path:
         source = shared_data / name
         if source.suffix != ".xz":
             return source
-        target = cache / source.relative_to(shared_data).with_suffix("")
+        target = unpacked_folder / source.relative_to(shared_data).with_suffix("")
         if not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
             # Another worker may want it at the same time, and finds a whole file or none.
@@ -77,3 +85,19 @@ def unpacked(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Cal
         return target
 
     return path_of
+
+
+@pytest.fixture(scope="session")
+def read_once(unpacked_folder: Path) -> ReadOnce:
+    from rotorid.io import registry
+
+    return ReadOnce(registry._read, [DATA, unpacked_folder])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def flights_are_read_once(request: pytest.FixtureRequest, read_once: ReadOnce) -> Iterator[None]:
+    """The same record each time a flight of the data folder is read, except in tests of the readers."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not reads_anew(request.path, HERE.parent):
+            patch.setattr("rotorid.io.registry._read", read_once)
+        yield

@@ -96,10 +96,14 @@ def read(
     """
     # Any bits may stand in the place of a number: what is none leaves in the screen, and is no warning of arithmetic.
     with np.errstate(all="ignore"):
-        return checked_speeds(screened(_read(Path(path), mapping, sandbox=sandbox)))
+        return _read(Path(path), mapping, sandbox=sandbox)
 
 
 def _read(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | None, *, sandbox: bool) -> FlightRecord:
+    return checked_speeds(screened(_as_logged(path, mapping, sandbox=sandbox)))
+
+
+def _as_logged(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | None, *, sandbox: bool) -> FlightRecord:
     named_by = ""
     if mapping is not None and not isinstance(mapping, ChannelMapping):
         named_by = visible(Path(mapping).name)
