@@ -25,7 +25,7 @@ from rotorid.data.base import Immutable, optional, read_only
 from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, Findings
 from rotorid.errors import UsageError
-from rotorid.typing import AnyArray, Axis, FloatArray
+from rotorid.typing import AnyArray, Axis, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from rotorid.data.sensor_filters import SensorFilter
@@ -329,6 +329,24 @@ class Topic(Immutable):
     def _rows(self) -> Mapping[str, int]:
         """Name of each channel to its row, of a name that is there twice to the first."""
         return {self.channels[row].name: row for row in reversed(range(len(self.channels)))}
+
+    def within(self, start_s: float, stop_s: float) -> slice | IntArray:
+        """Index of the samples from `start_s` to `stop_s`, both included, in ``time_s`` and each row of ``values``.
+
+        Examples
+        --------
+        >>> topic = Topic(name="imu", time_s=[0.0, 0.1, 0.2, 0.3], channels=(), values=np.empty((0, 4)))
+        >>> topic.within(0.1, 0.25), topic.time_s[topic.within(0.1, 0.25)]
+        (slice(1, 3, None), array([0.1, 0.2]))
+        """
+        if not self._rises:
+            return np.flatnonzero((self.time_s >= start_s) & (self.time_s <= stop_s))
+        first, last = np.searchsorted(self.time_s, start_s), np.searchsorted(self.time_s, stop_s, side="right")
+        return slice(int(first), int(last))
+
+    @cached_property
+    def _rises(self) -> bool:
+        return bool(np.all(np.diff(self.time_s) >= 0.0))
 
     def place(self, row: int) -> str:
         """Where a row comes from, in words: the topic, or the column of a table."""

@@ -84,10 +84,10 @@ class Flight:
     def samples(self, name: str) -> Iterator[Samples]:
         """Finite samples of a channel within the maneuver, for each place in the log."""
         for topic, row in self.record.holding(name):
-            values = topic.values[row]
-            kept = (topic.time_s >= self.maneuver.start_s) & (topic.time_s <= self.maneuver.stop_s)
-            kept &= np.isfinite(values)
-            yield Samples(topic.time_s[kept], values[kept], topic.channels[row].unit)
+            inside = topic.within(self.maneuver.start_s, self.maneuver.stop_s)
+            time_s, values = topic.time_s[inside], topic.values[row][inside]
+            known = np.isfinite(values)
+            yield Samples(time_s[known], values[known], topic.channels[row].unit)
 
     def body_velocity(self, name: str) -> FloatArray:
         """Samples of ``u``, ``v`` or ``w`` within the maneuver: those of the log, or velocities over the earth turned.

@@ -97,9 +97,7 @@ def with_ingredients(record: FlightRecord, channels: Sequence[str]) -> tuple[str
 
 def is_logged(record: FlightRecord, name: str, start_s: float, stop_s: float) -> bool:
     """Whether a channel has samples in an interval, two and more."""
-    return any(
-        np.count_nonzero((topic.time_s >= start_s) & (topic.time_s <= stop_s)) > 1 for topic, _ in record.holding(name)
-    )
+    return any(topic.time_s[topic.within(start_s, stop_s)].size > 1 for topic, _ in record.holding(name))
 
 
 def with_zeros(history: TimeHistory, names: Sequence[str]) -> TimeHistory:
@@ -241,7 +239,11 @@ def cut(
     slowest = min(rates)
     parts = first
     if any(rate != slowest for rate in rates):
-        parts = [conditioned(item, slowest) for item in flights]
+        at_once = [all(history.sample_rate_hz == slowest for history in part.histories) for part in first]
+        parts = [
+            part if same else conditioned(item, slowest)
+            for item, part, same in zip(flights, first, at_once, strict=True)
+        ]
     wanted = tuple(dict.fromkeys((*channels, *followers)))
     segments = tuple(
         Segment(
@@ -664,7 +666,7 @@ def evenly_stamped(record: FlightRecord, maneuver: Maneuver, channels: Sequence[
     if len(topics) != 1:
         return record
     topic = next(iter(topics.values()))
-    inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s)
+    inside = topic.within(start_s, stop_s)
     even = _even(topic.time_s[inside])
     if even is None:
         return record
@@ -692,8 +694,8 @@ def _as_logged(record: FlightRecord, segment: Segment, name: str) -> bool:
     if np.abs(topic.time_s[nearest] - history.time_s).max() > _SAME_STAMP:
         return False
     # A command logged faster than the outputs moved between the samples of the fit.
-    logged = np.count_nonzero((topic.time_s >= first_s - _SAME_STAMP) & (topic.time_s <= last_s + _SAME_STAMP))
-    return int(logged) == history.time_s.size
+    logged = topic.time_s[topic.within(first_s - _SAME_STAMP, last_s + _SAME_STAMP)]
+    return logged.size == history.time_s.size
 
 
 def _every_loop(record: FlightRecord, segment: Segment) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorid.autopilots.advice import channel_advice
-from rotorid.data.base import Immutable, read_only
+from rotorid.data.base import Immutable, cached_by_value, read_only
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places
@@ -104,7 +104,7 @@ def resample(
     series = {}
     for name, (topic, row) in sources.items():
         time_s, values, remarks = _ordered(topic, row, name)
-        series[name] = (time_s, np.unwrap(values) if name in _TURNING else values)
+        series[name] = (time_s, values)
         findings += remarks
     for name, (time_s, _) in series.items():
         if time_s.size < 2 or time_s[-1] <= start_s or time_s[0] >= stop_s:
@@ -202,7 +202,7 @@ def source_topic(record: FlightRecord, name: str, start_s: float, stop_s: float)
     within = max(min(stop_s, record.stop_s) - max(start_s, record.start_s), 1e-9)
     covered: list[tuple[float, Topic, int]] = []
     for topic, row in record.holding(name):
-        inside = topic.time_s[(topic.time_s >= start_s) & (topic.time_s <= stop_s)]
+        inside = topic.time_s[topic.within(start_s, stop_s)]
         if inside.size >= 2:
             covered.append((float(inside.max() - inside.min()) / within, topic, row))
     if not covered:
@@ -231,8 +231,17 @@ def _trimmed(
     ]
 
 
+@cached_by_value
 def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, list[Finding]]:
-    """Samples with finite values and rising stamps; what was left out is counted."""
+    """Samples with finite values and rising stamps, of an angle without its jumps; what was left out is counted.
+
+    The whole channel is looked at once, however many of its maneuvers are brought to a clock.
+    """
+    time_s, values, findings = _rising(topic, row, name)
+    return time_s, np.unwrap(values) if name in _TURNING else values, findings
+
+
+def _rising(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, list[Finding]]:
     time_s, values = topic.time_s, topic.values[row]
     finite = np.isfinite(values) & np.isfinite(time_s)
     if not finite.all():
@@ -252,8 +261,8 @@ def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray,
 
 
 def _steps(time_s: FloatArray, start_s: float, stop_s: float) -> FloatArray:
-    inside = (time_s >= start_s) & (time_s <= stop_s)
-    return np.asarray(np.diff(time_s[inside]))
+    first, last = np.searchsorted(time_s, start_s), np.searchsorted(time_s, stop_s, side="right")
+    return np.asarray(np.diff(time_s[first:last]))
 
 
 def _rate(time_s: FloatArray, start_s: float, stop_s: float) -> float:

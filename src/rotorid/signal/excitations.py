@@ -235,8 +235,8 @@ def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
     """Whether the signal of a maneuver has samples within it, and all of them are one value."""
     still = False
     for topic, row in record.holding(maneuver.signal):
-        inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-        values = topic.values[row][inside & np.isfinite(topic.values[row])]
+        values = topic.values[row][topic.within(maneuver.start_s, maneuver.stop_s)]
+        values = values[np.isfinite(values)]
         if values.size and float(np.ptp(values)) > 0.0:
             return False
         still = still or values.size > 0
@@ -418,8 +418,10 @@ def _sent_by_program(record: FlightRecord, axis: Axis) -> tuple[Maneuver, ...]:
     found: list[Maneuver] = []
     for start_s, stop_s in _sent_attitudes(record):
         for topic, row in record.holding(name):
-            inside = (topic.time_s >= start_s) & (topic.time_s <= stop_s) & np.isfinite(topic.values[row])
+            inside = topic.within(start_s, stop_s)
             time_s, values = topic.time_s[inside], topic.values[row][inside]
+            known = np.isfinite(values)
+            time_s, values = time_s[known], values[known]
             moved = _in_signal(time_s, values, axis, name, least=least_motion(record, name))
             if planned:
                 moved = [replace(_smoothed(m, time_s, values), origin="declared") for m in moved]
@@ -489,8 +491,8 @@ def _turns_most(record: FlightRecord, maneuver: Maneuver) -> Axis | None:
         spreads: dict[Axis, float] = {}
         for axis, name in channels.items():
             for topic, row in record.holding(name):
-                inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-                values = topic.values[row][inside & np.isfinite(topic.values[row])]
+                values = topic.values[row][topic.within(maneuver.start_s, maneuver.stop_s)]
+                values = values[np.isfinite(values)]
                 if values.size:
                     spreads[axis] = float(np.std(values))
                     break
@@ -619,9 +621,10 @@ def _turns_over(record: FlightRecord, maneuver: Maneuver) -> bool:
     most = 0.0 if maneuver.kind in ("doublet", "multistep") else _MOST_OVER
     for name in ("p", "q"):
         for topic, row in record.holding(name):
-            inside = (topic.time_s >= maneuver.start_s) & (topic.time_s <= maneuver.stop_s)
-            inside &= np.isfinite(topic.values[row])
+            inside = topic.within(maneuver.start_s, maneuver.stop_s)
             time_s, rate = topic.time_s[inside], topic.values[row][inside]
+            known = np.isfinite(rate)
+            time_s, rate = time_s[known], rate[known]
             if time_s.size < 2:
                 continue
             angle = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s))])

@@ -179,7 +179,7 @@ def _error_s(record: FlightRecord, channels: Sequence[str], start_s: float, stop
         topics = {id(topic): topic for topic, _ in (source_topic(record, name, start_s, stop_s) for name in channels)}
     except InsufficientDataError:
         return None
-    stamps = [topic.time_s[(topic.time_s >= start_s) & (topic.time_s <= stop_s)] for topic in topics.values()]
+    stamps = [topic.time_s[topic.within(start_s, stop_s)] for topic in topics.values()]
     # The slowest channel sets the clock to which all are brought.
     step_s = max((_step_s(time_s) for time_s in stamps), default=0.0)
     if not _alike(stamps, step_s):
