@@ -104,13 +104,8 @@ def bent_deg() -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_moving_loop_gain_bends_the_phase_by_a_few_degrees(bent_deg: np.ndarray) -> None:
-    """The mean of g/(1 + gL) over that of 1/(1 + gL) is g (1 - s^2 T): a lead where T lags, and less gain below."""
-    assert 1.0 < np.median(bent_deg) < 5.0
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(raises=AssertionError, strict=True, reason="one factor corrects the gain: 3.1 (0.6 to 5.4) degrees")
 def test_the_phase_of_a_chopped_flight_is_within_its_interval(bent_deg: np.ndarray) -> None:
+    """A moving loop gain bends it by 3 degrees, see :mod:`rotorid.loops.throttle`."""
     low, high = np.quantile(bent_deg, (0.025, 0.975))
     assert low <= 0.0 <= high
+    assert abs(np.median(bent_deg)) < 2.0

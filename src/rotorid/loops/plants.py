@@ -94,6 +94,8 @@ class MeasuredPlant(Immutable):
         Whether there were none of these either, so that gusts alone moved the axis.
     gain_error
         Relative error of the gain at all frequencies alike.
+    bend_error
+        Error of the logarithm of the response that all frequencies share, shape ``(f,)``; ``None`` for none.
     """
 
     axis: Axis
@@ -106,6 +108,7 @@ class MeasuredPlant(Immutable):
     idle: bool = False
     gusts: bool = False
     gain_error: float = 0.0
+    bend_error: ComplexArray | None = None
 
     @property
     def band_rad_s(self) -> tuple[float, float]:
@@ -472,6 +475,9 @@ def drawn_plant(measured: MeasuredPlant, *, draws: int = DRAWS, seed: int = 0) -
     misfits = plant.misfits
     if measured.gain_error:
         misfits = misfits + measured.gain_error * np.random.default_rng([seed, 1]).standard_normal((draws, 1))
+    if measured.bend_error is not None:
+        bent = np.interp(plant.knots, np.log(omega), measured.bend_error)
+        misfits = misfits + bent * np.random.default_rng([seed, 2]).standard_normal((draws, 1))
     return replace(plant, misfits=misfits, goes_on=lag.explains and not measured.idle)
 
 

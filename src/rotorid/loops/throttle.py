@@ -8,6 +8,13 @@ command. With throttle :math:`\delta` relative to hover,
 A response averages that: while the throttle is cut, the loop is weak and its commands are large, so that vehicles
 without linear thrust read up to 15 % weak. Two inputs, :math:`u` and :math:`\delta u`, with two instruments, the stick
 and :math:`\delta` times the stick, give both gains; their first one over that of :math:`u` alone corrects the response.
+
+A gain that moves around its mean by a relative :math:`\sigma` also bends the response, since the loop :math:`L` makes
+larger commands while it is weak. To second order, and slowly for the loop,
+
+.. math:: \frac{E[g / (1 + g L)]}{E[1 / (1 + g L)]} = 1 - \sigma^2 \frac{L}{1 + L}
+
+a lead where the closed loop lags. It is taken out where the controller is known.
 """
 
 from __future__ import annotations
@@ -21,6 +28,7 @@ import numpy as np
 from rotorid.data.axes import RATE_OF
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory
 from rotorid.errors import InsufficientDataError
+from rotorid.flights.controllers import controller_as_logged, controllers_of
 from rotorid.flights.segments import cut
 from rotorid.flights.selection import by_stick
 from rotorid.flights.whole_flights import FlightData
@@ -42,7 +50,8 @@ _UNSURE = 0.5
 """Share of a correction that counts as its error: rotors at their limits and asymmetric lags are not in the model."""
 
 _LARGEST = 0.3
-"""Largest correction that is believed."""
+"""Largest correction that is believed, and largest variance of the gain for which two terms of its series are enough.
+"""
 
 
 class _Spectra(NamedTuple):
@@ -88,7 +97,8 @@ def at_hover_throttle(
     -------
     MeasuredPlant
         With ``gain_error``: the random error of the correction, and half of the correction; of a whole flight whose
-        throttle moves and that cannot be corrected, the largest correction.
+        throttle moves and that cannot be corrected, the largest correction. With ``bend_error``, half of what was
+        taken out of its shape.
     """
     throttle = _throttle(records)
     if not throttle or (flight is None and any(rich_excitations(record, plant.axis) for record in records)):
@@ -102,7 +112,8 @@ def at_hover_throttle(
     hover = float(np.median(every))
     if hover <= 0.0 or not np.std(every) > _STEADY * hover:
         return plant
-    spectra = _spectra(plant, histories, [level / hover - 1.0 for level in levels])
+    apart = [level / hover - 1.0 for level in levels]
+    spectra = _spectra(plant, histories, apart)
     if spectra is None:
         return plant if flight is None else replace(plant, gain_error=_LARGEST)
     ratio = _hover_over_mean(spectra)
@@ -111,9 +122,38 @@ def at_hover_throttle(
     random = float(np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((np.array(without) - np.mean(without)) ** 2)))
     if not abs(ratio - 1.0) <= _LARGEST or not random < _LARGEST:
         return replace(plant, gain_error=_LARGEST)
-    values = plant.response.values * ratio
+    bend = _bend(plant, records[0], _variance(spectra, np.concatenate(apart)))
+    values = plant.response.values * ratio / bend
     error = float(np.hypot(random, _UNSURE * (ratio - 1.0)))
-    return replace(plant, response=replace(plant.response, values=values), gain_error=error)
+    response = replace(plant.response, values=values)
+    return replace(
+        plant, response=response, gain_error=error, bend_error=np.asarray(_UNSURE * np.log(bend), dtype=np.complex128)
+    )
+
+
+def _variance(spectra: _Spectra, apart: FloatArray) -> float:
+    """Relative variance of the gain, by its slope over the throttle; zero where that is too large to be believed."""
+    here, slope = _gains(spectra)
+    mean = here + slope * float(np.mean(apart))
+    variance = float(np.var(apart)) * (slope / mean) ** 2 if mean > 0.0 else np.inf
+    return variance if variance < _LARGEST else 0.0
+
+
+def _bend(plant: MeasuredPlant, record: FlightRecord, variance: float) -> ComplexArray:
+    """What a moving gain does to the shape of the response, shape ``(f,)``; one where the controller is not known.
+
+    Its mean size where gains are compared is one: the gain is corrected for itself.
+    """
+    omega = plant.response.omega_rad_s
+    known = controllers_of(record).axis(plant.axis)
+    if known is None or variance == 0.0:
+        return np.ones(omega.size, dtype=np.complex128)
+    acting = controller_as_logged(record, known.controller.rate_loop, source=plant.source)
+    loop = plant.response.values[0, 0] * acting.response(omega)
+    bend = 1.0 - variance * loop / (1.0 + loop)
+    compared = (omega >= _FROM_RAD_S) & (omega <= _TO_RAD_S)
+    size = np.exp(np.mean(np.log(np.abs(bend[compared])))) if compared.any() else 1.0
+    return np.asarray(bend / size)
 
 
 def _throttle(records: Sequence[FlightRecord]) -> tuple[str, ...]:
@@ -189,6 +229,24 @@ def _left_out(spectra: _Spectra, group: IntArray) -> _Spectra:
 
 def _hover_over_mean(spectra: _Spectra) -> float:
     """Gain of the command at hover over that of the command alone, over all lines, the coherent ones first."""
+    rows, right = _equations(spectra)
+    alone = np.sum(rows[0, 0].conj() * right[0]).real / np.sum(np.abs(rows[0, 0]) ** 2)
+    return float(_solved(rows, right)[0] / alone)
+
+
+def _gains(spectra: _Spectra) -> tuple[float, float]:
+    """Gain at hover, and its slope over the throttle, relative to the measured response."""
+    here, slope = _solved(*_equations(spectra))
+    return float(here), float(slope)
+
+
+def _solved(rows: ComplexArray, right: ComplexArray) -> FloatArray:
+    normal = np.einsum("ijl,ikl->jk", rows.conj(), rows).real
+    return np.asarray(np.linalg.solve(normal, np.einsum("ijl,il->j", rows.conj(), right).real))
+
+
+def _equations(spectra: _Spectra) -> tuple[ComplexArray, ComplexArray]:
+    """Equations of both gains, ``(2, 2, lines)`` and ``(2, lines)``, each line by its coherence."""
     z, u, y = spectra
     power = np.mean(np.abs(z) ** 2, axis=1)
     cross = np.einsum("iwl,jwl->ijl", z.conj(), u) / len(y)
@@ -197,8 +255,4 @@ def _hover_over_mean(spectra: _Spectra) -> float:
     coherent = np.abs(cross[0, 0]) ** 2 / (power[0] * command)
     # Equations of each instrument by its own power and the command's, so that every line counts by its coherence.
     weight = np.sqrt(coherent / (power * command))
-    rows, right = cross * weight[:, None], answer * weight
-    normal = np.einsum("ijl,ikl->jk", rows.conj(), rows).real
-    both = np.linalg.solve(normal, np.einsum("ijl,il->j", rows.conj(), right).real)
-    alone = np.sum(rows[0, 0].conj() * right[0]).real / np.sum(np.abs(rows[0, 0]) ** 2)
-    return float(both[0] / alone)
+    return cross * weight[:, None], answer * weight

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from rotorid.loops.plants import MeasuredPlant, drawn_plant, identified_plant, o
 from rotorid.loops.throttle import at_hover_throttle
 
 RATE_HZ, DURATION_S = 400.0, 60.0
-GAIN, LAG_S, HOVER = 150.0, 0.02, 0.4
+GAIN, LAG_S, HOVER, PROPORTIONAL = 150.0, 0.02, 0.4, 0.14
 
 
 def flown(*, slope: float, chopped: bool = True, duration_s: float = DURATION_S) -> FlightRecord:
@@ -32,7 +34,7 @@ def flown(*, slope: float, chopped: bool = True, duration_s: float = DURATION_S)
     table = np.zeros((4, count))
     for place in range(count):
         asked = 3.0 * stick[place]
-        command = 0.14 * (asked - rate)
+        command = PROPORTIONAL * (asked - rate)
         table[:, place] = rate, asked, command, throttle[place]
         made += step_s / LAG_S * ((1.0 + slope * (throttle[place] / HOVER - 1.0)) * command - made)
         blown += step_s / 0.3 * (8.0 * gusts[place] - blown)
@@ -40,7 +42,9 @@ def flown(*, slope: float, chopped: bool = True, duration_s: float = DURATION_S)
     names = ("p", "p_setpoint", "roll_command", "thrust_command")
     whole = ((0.0, duration_s - step_s),)
     return FlightRecord(
-        source=Source(name=f"slope {slope}", format="twin", sha256=f"{slope}{chopped}{duration_s}"),
+        source=Source(
+            name=f"slope {slope}", format="PX4 ULog", firmware="PX4 1.16.0", sha256=f"{slope}{chopped}{duration_s}"
+        ),
         topics=(
             Topic(
                 name="loops",
@@ -50,6 +54,13 @@ def flown(*, slope: float, chopped: bool = True, duration_s: float = DURATION_S)
             ),
         ),
         status=Status(vehicle="multirotor", armed=whole, in_air=whole, flagged_in="twin", direct_rates=whole),
+        parameters={
+            "MC_ROLLRATE_P": PROPORTIONAL,
+            "MC_ROLLRATE_I": 0.0,
+            "MC_ROLLRATE_D": 0.0,
+            "MC_ROLL_P": 4.0,
+            "IMU_GYRO_RATEMAX": RATE_HZ,
+        },
     )
 
 
@@ -116,3 +127,38 @@ def test_a_whole_flight_that_is_too_short_to_be_corrected_is_uncertain() -> None
     mean, hover = over_all(flown(slope=1.0, duration_s=14.0))
     np.testing.assert_array_equal(hover.response.values, mean.response.values)
     assert hover.gain_error == 0.3
+
+
+def lead_deg(plant: MeasuredPlant, steady: MeasuredPlant) -> np.ndarray:
+    """Phase over that of a flight with a steady throttle, around the crossover."""
+    omega = np.array([15.0, 20.0, 25.0, 30.0])
+    phases = [
+        np.interp(omega, one.response.omega_rad_s, np.unwrap(np.angle(one.response.values[0, 0])))
+        for one in (plant, steady)
+    ]
+    return np.degrees(phases[0] - phases[1])
+
+
+def test_a_gain_that_moves_bends_the_phase_and_that_is_taken_out() -> None:
+    records = [flown(slope=1.0, chopped=chopped) for chopped in (True, False)]
+    mean, steady = (identified_plant("roll", [record]) for record in records)
+    assert mean is not None
+    assert steady is not None
+    hover = at_hover_throttle(mean, records[:1])
+    before, after = lead_deg(mean, steady), lead_deg(hover, steady)
+    assert np.mean(before) > 4.0
+    assert abs(np.mean(after)) < 2.0
+    assert hover.bend_error is not None
+    drawn = drawn_plant(hover).drawn(np.array([20.0]))[:, 0]
+    spread, alone = (
+        np.std(np.angle(one)) for one in (drawn, drawn_plant(replace(hover, bend_error=None)).drawn(np.array([20.0])))
+    )
+    assert spread > 1.1 * alone
+
+
+def test_without_a_known_controller_the_phase_stays() -> None:
+    record = replace(flown(slope=1.0), parameters={})
+    mean = identified_plant("roll", [record])
+    assert mean is not None
+    hover = at_hover_throttle(mean, [record])
+    np.testing.assert_allclose(np.angle(hover.response.values), np.angle(mean.response.values), atol=1e-12)
