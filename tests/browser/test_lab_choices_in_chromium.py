@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.browser.lab_page import LabPage, opened, serving
+from tests.browser.lab_page import TOKEN, LabPage, opened, serving
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("axe_playwright_python", reason="axe_playwright_python is not installed")
@@ -33,14 +33,23 @@ ResizeObserver.prototype.disconnect = function () { window.watchers.delete(this)
 """
 
 
-@pytest.fixture
-def folder(tmp_path: Path, example: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, example: Path) -> Path:
     """Two logs: one with words in its name that a shell would take as its own."""
-    place = tmp_path / "flights"
-    place.mkdir()
+    place = tmp_path_factory.mktemp("flights")
     for name in ("flight.ulg", HOSTILE):
         shutil.copy(example, place / name)
     return place
+
+
+@pytest.fixture(scope="module")
+def served(shared_browser: Any, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a lab over two logs, of which one is open; only the last test opens the other."""
+    with serving(folder, private=tmp_path_factory.mktemp("private"), token=TOKEN) as (address, _):
+        with opened(shared_browser, address) as lab:
+            lab.page.click("#choices-of-folder button:text-is('flight.ulg')")
+            lab.wait_for_tracks()
+        yield address
 
 
 @pytest.fixture
@@ -62,41 +71,6 @@ def segments(lab: LabPage) -> list[tuple[int, float]]:
 def focused(lab: LabPage) -> str:
     """What has the focus, by its label."""
     return str(lab.page.evaluate("document.activeElement.getAttribute('aria-label') ?? document.activeElement.id"))
-
-
-def test_segments_stay_with_their_log(lab: LabPage) -> None:
-    page = lab.page
-    lab.brush(40.0, 60.0)
-    page.click("#opener")
-    page.locator("#choices-of-folder button").nth(1).click()
-    page.wait_for_selector("#logs button.plain >> nth=2")
-    lab.show(HOSTILE)
-    assert page.locator("#segments li").count() == 0
-    assert "--segment" not in lab.terminal("identify")
-    page.keyboard.press("s")
-    first, second = segments(lab)
-    assert (first[0], second[0]) == (1, 2)
-    assert page.locator("#segments li").count() == 1
-    lab.show("flight.ulg")
-    assert f"--segment roll:40:{first[1]:.12g}" in lab.terminal("response")
-    # A step back is shown on the log on which the change was made, and so is the step forth.
-    page.click("#undo")
-    lab.until("document.querySelector('#logs [data-shown] button')?.textContent !== 'flight.ulg'")
-    assert segments(lab) == [first]
-    page.click("#redo")
-    assert segments(lab) == [first, second]
-    lab.until("document.querySelectorAll('#segments li').length === 1")
-    # A page that is loaded again shows the log that was looked at, with its own.
-    lab.show("flight.ulg")
-    page.reload()
-    lab.wait_for_tracks()
-    lab.until("document.querySelector('#logs [data-shown] button')?.textContent === 'flight.ulg'")
-    assert f"--segment roll:40:{first[1]:.12g}" in lab.terminal("identify")
-    # Where another log is fitted too, the page says what a list of segments means.
-    page.click("#more summary")
-    assert not page.is_visible("#shared-segments")
-    page.select_option("#others select", "with")
-    assert page.is_visible("#shared-segments")
 
 
 @pytest.mark.slow
@@ -403,3 +377,38 @@ def pointed(lab: LabPage) -> float:
     lab.page.locator("#tracks .u-over").nth(1).hover()
     text = str(lab.page.locator("#tracks .track").nth(1).locator(".value").text_content())
     return float(text.rpartition(":")[2].replace("−", "-"))
+
+
+def test_segments_stay_with_their_log(looking: LabPage) -> None:
+    lab, page = looking, looking.page
+    lab.brush(40.0, 60.0)
+    page.click("#opener")
+    page.locator("#choices-of-folder button").nth(1).click()
+    page.wait_for_selector("#logs button.plain >> nth=2")
+    lab.show(HOSTILE)
+    assert page.locator("#segments li").count() == 0
+    assert "--segment" not in lab.terminal("identify")
+    page.keyboard.press("s")
+    first, second = segments(lab)
+    assert (first[0], second[0]) == (1, 2)
+    assert page.locator("#segments li").count() == 1
+    lab.show("flight.ulg")
+    assert f"--segment roll:40:{first[1]:.12g}" in lab.terminal("response")
+    # A step back is shown on the log on which the change was made, and so is the step forth.
+    page.click("#undo")
+    lab.until("document.querySelector('#logs [data-shown] button')?.textContent !== 'flight.ulg'")
+    assert segments(lab) == [first]
+    page.click("#redo")
+    assert segments(lab) == [first, second]
+    lab.until("document.querySelectorAll('#segments li').length === 1")
+    # A page that is loaded again shows the log that was looked at, with its own.
+    lab.show("flight.ulg")
+    page.reload()
+    lab.wait_for_tracks()
+    lab.until("document.querySelector('#logs [data-shown] button')?.textContent === 'flight.ulg'")
+    assert f"--segment roll:40:{first[1]:.12g}" in lab.terminal("identify")
+    # Where another log is fitted too, the page says what a list of segments means.
+    page.click("#more summary")
+    assert not page.is_visible("#shared-segments")
+    page.select_option("#others select", "with")
+    assert page.is_visible("#shared-segments")

@@ -26,6 +26,15 @@ def identified(folder: Path, words: list[str]) -> Ran:
     return rotorid("identify", log_file(folder), *words, "--fix", mass, "--out", folder / "out", "--json")
 
 
+@pytest.fixture(scope="module")
+def judged(folder: Path, words: list[str], identified: Ran) -> Ran:
+    """The same on another log too: climbs at one heading turn yaw by gusts alone."""
+    assert identified.code == 0
+    log_file(folder, flown(mission="climbs", seed=1).record, "other.csv")
+    unseen = ["--verify", folder / "other.csv"]
+    return rotorid("identify", folder / "flight.csv", *words, "--fix", "m=0.52", *unseen, "--out", folder / "judged")
+
+
 def test_files_and_json(identified: Ran, folder: Path) -> None:
     assert identified.code == 0
     document = json.loads(identified.out)
@@ -39,22 +48,14 @@ def test_files_and_json(identified: Ran, folder: Path) -> None:
     assert json.loads((folder / "out" / "result.json").read_text(encoding="utf-8")) == document
 
 
-def test_the_terminal_names_drag_and_error(folder: Path, words: list[str]) -> None:
-    ran = rotorid("identify", folder / "flight.csv", *words, "--fix", "m=0.52", "--out", folder / "again")
-    assert ran.code == 0
-    assert "rotor drag" in ran.out
-    assert "thrust of a rotor in hover" in ran.out
+def test_the_terminal_names_drag_and_error(judged: Ran) -> None:
+    assert judged.code == 0
+    assert "rotor drag" in judged.out
+    assert "thrust of a rotor in hover" in judged.out
 
 
-def test_unseen_data_are_scored_where_they_judge(folder: Path, words: list[str], identified: Ran) -> None:
-    """Climbs at one heading turn yaw by gusts alone."""
-    assert identified.code == 0
-    log_file(folder, flown(mission="climbs", seed=1).record, "other.csv")
-    out = folder / "judged"
-    unseen = ["--verify", folder / "other.csv"]
-    ran = rotorid("identify", folder / "flight.csv", *words, "--fix", "m=0.52", *unseen, "--out", out)
-    assert ran.code == 0
-    document = json.loads((out / "result.json").read_text(encoding="utf-8"))
+def test_unseen_data_are_scored_where_they_judge(judged: Ran, folder: Path) -> None:
+    document = json.loads((folder / "judged" / "result.json").read_text(encoding="utf-8"))
     (scores,) = document["verification"]["records"].values()
     reasons = [found["message"] for found in document["findings"] if found["kind"] == "not_verified"]
     all_six = {"ax", "ay", "az", "p_dot", "q_dot", "r_dot"}
@@ -62,7 +63,7 @@ def test_unseen_data_are_scored_where_they_judge(folder: Path, words: list[str],
     (reason,) = reasons
     named = reason.partition(" does not judge ")[2].partition(":")[0]
     assert set(named.replace(" and ", ", ").split(", ")) <= all_six - set(scores)
-    (line,) = [line for line in ran.out.splitlines() if line.startswith("unseen data: ")]
+    (line,) = [line for line in judged.out.splitlines() if line.startswith("unseen data: ")]
     assert all((f" {name} TIC " in line) == (name in scores) for name in all_six)
 
 
