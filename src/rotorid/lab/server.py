@@ -16,9 +16,6 @@ from rotorid.lab.session import OpenLog, Ran, Session, curves, document, parts
 from rotorid.lab.steps import Step, first_wrong
 from rotorid.lab.tracks import Tracks, listed
 from rotorid.lab.workers import Job
-from rotorid.reviewing.loops import LOOPS
-from rotorid.reviewing.missing import Unavailable
-from rotorid.reviewing.unavailable import gathered
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -190,6 +187,9 @@ def _add_steps(app: "FastAPI", session: Session) -> None:
 
     @app.get("/api/words")
     def words() -> Response:
+        # The address is known, and a browser on its way, before what measures loops is imported.
+        from rotorid.reviewing.loops import LOOPS
+
         figures = {
             name: {"words": row.words, "unit": row.unit, "factor": row.factor or 1.0}
             for name, row in QUANTITIES.items()
@@ -305,6 +305,9 @@ def unavailable(printed: Any) -> list[list[dict[str, str]]]:
     """What each review of a document could not measure, in words."""
     if printed is None:
         return []
+    from rotorid.reviewing.missing import Unavailable
+    from rotorid.reviewing.unavailable import gathered
+
     reviews = printed.get("reviews") or [printed]
     return [
         [
