@@ -27,7 +27,10 @@ ALSO = ("inspect", "demo")
 PRINTS = '#!/bin/sh\nfor word; do case "$word" in --print-to-pdf=*) printf %%PDF- > "${word#*=}";; esac; done\n'
 FAILS = "#!/bin/sh\nexit 1\n"
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="a browser that is a script of the shell")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="a browser that is a script of the shell"),
+    pytest.mark.usefixtures("computed_once"),
+]
 
 
 @pytest.fixture
