@@ -126,7 +126,8 @@ _KEY = re.compile(r"""[\s\["']{0,40}([\w-]{1,80})["']?\s{0,40}[=.\]]""")
 
 
 def _unreadable(file: Path, why: str) -> UsageError:
-    return UsageError(f"the settings in {file} cannot be read: {why}", needed=_NEEDED)
+    remedy = "correct it, or set ROTORID_SETTINGS= to run without it"
+    return UsageError(f"the settings in {file} cannot be read: {why}", needed=_NEEDED, remedy=remedy)
 
 
 def _line(text: str, key: str) -> str:
