@@ -56,3 +56,10 @@ def test_tables_that_are_none_are_one_sentence(content: bytes, sentence: str, tm
 )
 def test_absurdly_long_cells_are_one_sentence(content: bytes, tmp_path: Path) -> None:
     assert "flight.csv" in refusal(tmp_path, content)
+
+
+@pytest.mark.parametrize("ending", ["xz", "gz", "bz2"])
+def test_a_table_that_is_called_packed_and_is_not_is_read(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"flight.csv.{ending}"
+    path.write_bytes(HEADER + ROWS)
+    assert read(path).topics[0].values.shape == (1, ROWS.count(b"\n"))

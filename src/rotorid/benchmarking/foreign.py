@@ -246,12 +246,11 @@ def _first_and_last(columns: Sequence[str]) -> str:
 
 def _cells(path: Path, places: Sequence[int], kind: type[Any]) -> AnyArray:
     """Columns behind the header, shape ``(columns, rows)``; cells may be in quotes."""
-    with warnings.catch_warnings():
+    # Given a name, NumPy unpacks by its ending, whatever the file holds.
+    with path.open(encoding="utf-8") as text, warnings.catch_warnings():
         # Of a file without rows; their number is looked at.
         warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
-        return np.loadtxt(
-            path, kind, delimiter=",", skiprows=1, usecols=places, ndmin=2, encoding="utf-8", quotechar='"'
-        ).T
+        return np.loadtxt(text, kind, delimiter=",", skiprows=1, usecols=places, ndmin=2, quotechar='"').T
 
 
 def _numbers(path: Path, places: Sequence[int], columns: Sequence[str]) -> FloatArray:

@@ -226,16 +226,16 @@ def _table(
         if large is not None:
             return large
     try:
-        with warnings.catch_warnings():
+        # Given a name, NumPy unpacks by its ending, whatever the file holds.
+        with path.open(encoding="utf-8-sig") as text, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # an empty table is refused below
             table = np.loadtxt(
-                path,
+                text,
                 delimiter=separator,
                 skiprows=first_line - 1,
                 usecols=wanted,
                 comments=None,
                 quotechar='"',
-                encoding="utf-8-sig",
                 ndmin=2,
             )
     except UnicodeDecodeError as error:
