@@ -17,8 +17,10 @@ from rotorid.fitting.flight.fit import FlightRange, covered
 from rotorid.fitting.flight.motion import motion
 from rotorid.models.flight import FLIGHT_PARAMETERS
 from rotorid.models.parameter import Parameter, ParameterSet
+from rotorid.results.model import Verifications
 from rotorid.settings import FlySettings, IdentifySettings, VerifySettings
 from rotorid.verification.flight import USUAL_OUTSIDE_PERCENT
+from rotorid.verification.verification import Verification
 
 ACCELEROMETER_M_S2 = 0.1
 """Noise of the twin's accelerometer on each axis."""
@@ -54,9 +56,21 @@ def predictor(flown: FlightTwin, changed: Mapping[str, float] | None = None) -> 
     )
 
 
-def test_the_true_vehicle_is_off_by_the_noise_of_the_sensors(flown: FlightTwin) -> None:
-    found = predictor(flown).predict([flown.record], VerifySettings())
-    (check,) = found.found.maneuvers
+@pytest.fixture(scope="module")
+def found(flown: FlightTwin) -> Verifications:
+    """What the true vehicle says of the flight."""
+    return predictor(flown).predict([flown.record], VerifySettings()).found
+
+
+@pytest.fixture(scope="module")
+def check(found: Verifications) -> Verification:
+    (only,) = found.maneuvers
+    return only
+
+
+def test_the_true_vehicle_is_off_by_the_noise_of_the_sensors(
+    flown: FlightTwin, found: Verifications, check: Verification
+) -> None:
     assert check.flight is not None
     noise_n = flown.frame.mass_kg * ACCELEROMETER_M_S2 * np.sqrt(3.0)
     # Interpolation onto one clock takes some of it.
@@ -66,11 +80,10 @@ def test_the_true_vehicle_is_off_by_the_noise_of_the_sensors(flown: FlightTwin) 
     assert check.flight.outside_percent is not None
     assert check.flight.outside_percent < USUAL_OUTSIDE_PERCENT
     assert {"ax", "ay", "az", "p_dot", "q_dot"} == set(check.output_names)
-    assert not [finding for finding in found.found.findings if finding.severity == "warning"]
+    assert not [finding for finding in found.findings if finding.severity == "warning"]
 
 
-def test_motors_alone_predict_half_a_second(flown: FlightTwin) -> None:
-    (check,) = predictor(flown).predict([flown.record], VerifySettings()).found.maneuvers
+def test_motors_alone_predict_half_a_second(check: Verification) -> None:
     assert check.flight is not None
     assert check.flight.ahead is not None
     assert check.flight.ahead.horizons_s[-1] == pytest.approx(0.5, abs=0.01)
@@ -82,9 +95,9 @@ def test_motors_alone_predict_half_a_second(flown: FlightTwin) -> None:
     assert scores.ahead.errors["rates"][-1].horizon_s == pytest.approx(0.5, abs=0.01)
 
 
-def test_the_center_of_gravity_is_that_of_the_flight(flown: FlightTwin) -> None:
+def test_the_center_of_gravity_is_that_of_the_flight(flown: FlightTwin, check: Verification) -> None:
     """Another battery place than in the fit, by 5 mm: found, and then nothing else of the prediction changes."""
-    (same,) = predictor(flown).predict([flown.record], VerifySettings()).found.maneuvers
+    same = check
     (moved,) = (
         predictor(flown, {"x_cg": 0.005, "y_cg": -0.003}).predict([flown.record], VerifySettings()).found.maneuvers
     )
@@ -137,10 +150,9 @@ def in_wind(flown: FlightTwin, north_m_s: float, east_m_s: float) -> FlightRecor
     return replace(flown.record, topics=(replace(topic, values=values),))
 
 
-def test_a_wind_is_of_the_log_though_no_fitted_flight_had_one(flown: FlightTwin) -> None:
-    vehicle = predictor(flown)
+def test_a_wind_is_of_the_log_though_no_fitted_flight_had_one(flown: FlightTwin, check: Verification) -> None:
+    vehicle, calm = predictor(flown), check
     assert not vehicle.windy
-    (calm,) = vehicle.predict([flown.record], VerifySettings()).found.maneuvers
     (blown,) = vehicle.predict([in_wind(flown, 3.0, -2.0)], VerifySettings()).found.maneuvers
     assert calm.flight is not None
     assert blown.flight is not None
@@ -164,12 +176,11 @@ def test_what_a_bias_may_be_is_no_wind_of_a_log(
     assert check.flight.wind == (wind if taken else None)
 
 
-def test_a_vehicle_without_drag_is_off_by_it(flown: FlightTwin) -> None:
-    (whole,) = predictor(flown).predict([flown.record], VerifySettings()).found.maneuvers
-    (check,) = predictor(flown, {"k_d": 0.0}).predict([flown.record], VerifySettings()).found.maneuvers
-    assert whole.flight is not None
+def test_a_vehicle_without_drag_is_off_by_it(flown: FlightTwin, check: Verification) -> None:
+    (without,) = predictor(flown, {"k_d": 0.0}).predict([flown.record], VerifySettings()).found.maneuvers
     assert check.flight is not None
-    missed, noise = (found.flight.errors.axes["x"].force_rms_n or 0.0 for found in (check, whole) if found.flight)
+    assert without.flight is not None
+    missed, noise = (one.flight.errors.axes["x"].force_rms_n or 0.0 for one in (without, check) if one.flight)
     speed = float(np.sqrt(np.mean(flown.motors.velocity[0] ** 2)))
     turning = float(flown.motors.outputs.sum(axis=0).mean())
     assert np.sqrt(missed**2 - noise**2) == pytest.approx(flown.truth["k_d"] * turning * speed, rel=0.15)
@@ -205,10 +216,8 @@ def test_other_numbers_fly_otherwise(flown: FlightTwin) -> None:
     assert np.abs(truth[0] - heavy[0]).max() > 0.01
 
 
-def test_scores_for_comparisons_are_those_of_the_verification(flown: FlightTwin) -> None:
-    vehicle = predictor(flown)
-    (check,) = vehicle.predict([flown.record], VerifySettings()).found.maneuvers
-    (trial,) = vehicle.trials(flown.record, IdentifySettings())
+def test_scores_for_comparisons_are_those_of_the_verification(flown: FlightTwin, check: Verification) -> None:
+    (trial,) = predictor(flown).trials(flown.record, IdentifySettings())
     (scores,) = trial.score(None, None)
     assert {name: score.tic for name, score in scores.scores.items()} == {
         name: check.scores[name].tic for name in check.moved
