@@ -12,7 +12,7 @@ import pytest
 import rotorid
 from rotorid.cli.app import app
 from rotorid.errors import RotoridError, UsageError
-from rotorid.flying.bench_designs import BenchSettings, design_bench, flown_on_rig
+from rotorid.flying.bench_designs import BenchDesign, BenchSettings, design_bench, flown_on_rig
 from rotorid.models.input_units import in_logged_units
 from rotorid.models.library import library_model
 from rotorid.planning.prior import Prior
@@ -26,8 +26,18 @@ def settings() -> BenchSettings:
     return BenchSettings(limit_rad=LIMIT_RAD, duration_s=80.0)
 
 
-def test_the_angle_stays_within_the_limit(settings: BenchSettings) -> None:
-    found = design_bench(settings)
+@pytest.fixture(scope="module")
+def found(settings: BenchSettings) -> BenchDesign:
+    return design_bench(settings)
+
+
+@pytest.fixture(scope="module")
+def usual() -> BenchDesign:
+    """For the rig that is known, in volts."""
+    return design_bench(BenchSettings(limit_rad=LIMIT_RAD, duration_s=40.0, band_rad_s=(0.5, 12.0)))
+
+
+def test_the_angle_stays_within_the_limit(found: BenchDesign) -> None:
     assert 0.7 * LIMIT_RAD < found.reached_rad < LIMIT_RAD
     unseen = flown_on_rig(found.plan, seed=99, noise=0.0)
     assert np.abs(unseen["phi"].values).max() < LIMIT_RAD
@@ -41,8 +51,7 @@ def test_the_angle_stays_within_the_limit(settings: BenchSettings) -> None:
     assert not found.findings
 
 
-def test_a_log_of_the_plan_gives_the_truth_with_the_errors_that_were_foretold(settings: BenchSettings) -> None:
-    found = design_bench(settings)
+def test_a_log_of_the_plan_gives_the_truth_with_the_errors_that_were_foretold(found: BenchDesign) -> None:
     log = flown_on_rig(found.plan, seed=5)
     model = rotorid.identify([log], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
     assert found.model == "rig.roll"
@@ -62,7 +71,7 @@ def test_an_amplitude_by_hand_says_where_it_ends(settings: BenchSettings) -> Non
 
 
 @pytest.mark.parametrize(("unit", "volt"), [("us", 80.0), ("rad/s", 70.0), ("1", 0.08)])
-def test_a_rig_of_ones_own_is_swept_in_its_own_unit(unit: str, volt: float) -> None:
+def test_a_rig_of_ones_own_is_swept_in_its_own_unit(usual: BenchDesign, unit: str, volt: float) -> None:
     from rotorid.data.record import Channel, FlightRecord, Source, Topic
 
     topic = Topic(name="t", time_s=[0.0], channels=(Channel(name="motor_3", unit=unit),), values=np.zeros((1, 1)))
@@ -70,7 +79,6 @@ def test_a_rig_of_ones_own_is_swept_in_its_own_unit(unit: str, volt: float) -> N
     structure = in_logged_units(library_model("rig.roll"), [log])
     prior = Prior(structure=structure, values={**rig.TRUTH, "K_f": rig.TRUTH["K_f"] / volt}, source="own")
     own = design_bench(BenchSettings(limit_rad=LIMIT_RAD, duration_s=40.0, band_rad_s=(0.5, 12.0), prior=prior))
-    usual = design_bench(BenchSettings(limit_rad=LIMIT_RAD, duration_s=40.0, band_rad_s=(0.5, 12.0)))
     assert {part.unit for part in own.plan.inputs} == {unit}
     assert own.plan.inputs[0].amplitude == pytest.approx(volt * usual.plan.inputs[0].amplitude, rel=0.1)
     with pytest.raises(UsageError, match=f"drives motor_3_excitation in {unit}; expected single motors in V"):
