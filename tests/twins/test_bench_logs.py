@@ -7,6 +7,7 @@ of 5 %, a loop holds the rig, and its answers are in the inputs, so that the est
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +42,14 @@ UNITS = {
 """Unit of the log to its trim and size of a volt, unit of the thrust gain, and its truth."""
 
 
+@cache
+def moved(seed: int) -> FlightRecord:
+    return rig.fly(("motor_3", "motor_4"), np.random.default_rng(seed))
+
+
 def logged(folder: Path, unit: str, seed: int = 1) -> FlightRecord:
     """The rig in a table with columns of one's own."""
-    (topic,) = rig.fly(("motor_3", "motor_4"), np.random.default_rng(seed)).topics
+    (topic,) = moved(seed).topics
     trim, size = UNITS[unit][:2]
     motors = [trim + size * topic.values[topic.row(name)] for name in ("motor_3", "motor_4")]
     rows = np.column_stack([topic.time_s, *motors, np.degrees(topic.values[topic.row("phi")])])
@@ -52,10 +58,29 @@ def logged(folder: Path, unit: str, seed: int = 1) -> FlightRecord:
     return rotorid.read(folder / "rig.csv", mapping=folder / "rig.toml")
 
 
+@pytest.fixture(scope="module")
+def volts(tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
+    return logged(tmp_path_factory.mktemp("volts"), "V")
+
+
+@pytest.fixture(scope="module")
+def with_inertia(volts: FlightRecord) -> IdentifiedModel:
+    return rotorid.identify([volts], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+
+
+@pytest.fixture(scope="module")
+def with_nothing(volts: FlightRecord) -> IdentifiedModel:
+    """Where neither the inertia nor the gain is given."""
+    return rotorid.identify([volts], "rig.roll", outputs=("phi",))
+
+
 @pytest.mark.parametrize("unit", UNITS)
-def test_the_truth_comes_back_in_the_unit_of_the_log(tmp_path: Path, unit: str) -> None:
+def test_the_truth_comes_back_in_the_unit_of_the_log(tmp_path: Path, unit: str, with_inertia: IdentifiedModel) -> None:
     *_, gain_unit, truth = UNITS[unit]
-    model = rotorid.identify([logged(tmp_path, unit)], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
+    model = with_inertia
+    if unit != "V":
+        record = logged(tmp_path, unit)
+        model = rotorid.identify([record], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
     expected = {"K_f": truth, "tau_3": rig.TRUTH["tau_3"], "tau_4": rig.TRUTH["tau_4"]}
     for name, value in expected.items():
         found = model.parameters[name]
@@ -66,28 +91,24 @@ def test_the_truth_comes_back_in_the_unit_of_the_log(tmp_path: Path, unit: str) 
     assert {finding.kind for finding in model.findings} >= {"closed_loop_bias"}
 
 
-def test_inertia_follows_where_the_gain_is_known(tmp_path: Path) -> None:
-    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",), fix={"K_f": rig.TRUTH["K_f"]})
+def test_inertia_follows_where_the_gain_is_known(volts: FlightRecord) -> None:
+    model = rotorid.identify([volts], "rig.roll", outputs=("phi",), fix={"K_f": rig.TRUTH["K_f"]})
     found = model.parameters["J_x"]
     assert (found.unit, abs(found.value - rig.TRUTH["J_x"]) < 2.0 * found.std) == ("kg m^2", True)
 
 
-def test_an_arm_that_was_not_given_is_said(tmp_path: Path) -> None:
-    record = logged(tmp_path, "V")
-    said = {}
-    for given in ({"J_x": rig.TRUTH["J_x"]}, {"J_x": rig.TRUTH["J_x"], "L": 0.197}):
-        model = rotorid.identify([record], "rig.roll", outputs=("phi",), fix=given)
-        said[len(given)] = [finding for finding in model.findings if finding.kind == "assumed_geometry"]
-    (finding,) = said[1]
+def test_an_arm_that_was_not_given_is_said(volts: FlightRecord, with_inertia: IdentifiedModel) -> None:
+    given = {"J_x": rig.TRUTH["J_x"], "L": 0.197}
+    with_arm = rotorid.identify([volts], "rig.roll", outputs=("phi",), fix=given)
+    (finding,) = (one for one in with_inertia.findings if one.kind == "assumed_geometry")
     assert "L = 0.197 m was assumed" in finding.message
     assert "--fix L=VALUE" in finding.message
-    assert not said[2]
+    assert "assumed_geometry" not in {one.kind for one in with_arm.findings}
 
 
-def test_what_the_data_do_not_show_has_no_value(tmp_path: Path) -> None:
-    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",))
-    document = result_document(model)
-    for row in (line for line in repr(model).splitlines() if line.split()[0] in ("J_x", "K_f")):
+def test_what_the_data_do_not_show_has_no_value(with_nothing: IdentifiedModel) -> None:
+    document = result_document(with_nothing)
+    for row in (line for line in repr(with_nothing).splitlines() if line.split()[0] in ("J_x", "K_f")):
         assert row.split()[1] == "–"
         assert row.endswith("not identified")
     status = {row.name: (row.value, row.status) for row in parameter_rows(document, {})}
@@ -103,20 +124,17 @@ def test_motors_in_two_units_fit_no_model(tmp_path: Path) -> None:
         rotorid.identify([rotorid.read(tmp_path / "rig.csv", mapping=tmp_path / "rig.toml")], "rig.roll")
 
 
-def test_a_model_of_volts_predicts_no_log_of_pulses(tmp_path: Path) -> None:
-    for name in ("volts", "pulses"):
-        (tmp_path / name).mkdir()
-    volts, pulses = logged(tmp_path / "volts", "V"), logged(tmp_path / "pulses", "us", seed=2)
+def test_a_model_of_volts_predicts_no_log_of_pulses(tmp_path: Path, volts: FlightRecord) -> None:
+    pulses = logged(tmp_path, "us", seed=2)
     with pytest.raises(UsageError, match=r"are in us, and rig.roll is of motors in V"):
         rotorid.identify([volts], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]}, verify=[pulses])
 
 
-def test_motors_at_their_limits_are_said(tmp_path: Path) -> None:
-    record = logged(tmp_path, "V")
-    topic = record.topics[0]
+def test_motors_at_their_limits_are_said(volts: FlightRecord) -> None:
+    topic = volts.topics[0]
     values = np.array(topic.values)
     values[:2] = np.clip(values[:2], 5.7, 6.3)
-    clipped = replace(record, topics=(replace(topic, values=values),))
+    clipped = replace(volts, topics=(replace(topic, values=values),))
     with pytest.raises(rotorid.InsufficientDataError, match=r"no sweep of single motors.*at a limit were motor_3 for"):
         rotorid.identify([clipped], "rig.roll", outputs=("phi",))
 
@@ -229,12 +247,9 @@ def test_an_angle_that_drifts_off_is_no_fault_of_the_model(held: tuple[FlightRec
     assert "open_loop_diverges" not in {finding.kind for finding in pieces.findings}
 
 
-def test_a_comparison_shows_no_number_that_the_data_do_not(tmp_path: Path) -> None:
-    models = []
-    for seed in (1, 2):
-        (tmp_path / str(seed)).mkdir()
-        models.append(rotorid.identify([logged(tmp_path / str(seed), "V", seed=seed)], "rig.roll", outputs=("phi",)))
-    document = compare_document(rotorid.compare(models))
+def test_a_comparison_shows_no_number_that_the_data_do_not(tmp_path: Path, with_nothing: IdentifiedModel) -> None:
+    other = rotorid.identify([logged(tmp_path, "V", seed=2)], "rig.roll", outputs=("phi",))
+    document = compare_document(rotorid.compare([with_nothing, other]))
     rows = {row.name: row for row in shared_rows(document)}
     for name in ("J_x", "K_f"):
         assert [cell.text for cell in rows[name].values] == ["not identified"] * 2
@@ -243,8 +258,7 @@ def test_a_comparison_shows_no_number_that_the_data_do_not(tmp_path: Path) -> No
     assert "σ" in rows["tau_3"].distances[1].text
 
 
-def test_a_rig_gets_no_wings_from_a_vehicle(tmp_path: Path) -> None:
-    model = rotorid.identify([logged(tmp_path, "V")], "rig.roll", outputs=("phi",), fix={"J_x": rig.TRUTH["J_x"]})
-    save(model, tmp_path / "rig")
+def test_a_rig_gets_no_wings_from_a_vehicle(tmp_path: Path, with_inertia: IdentifiedModel) -> None:
+    save(with_inertia, tmp_path / "rig")
     with pytest.raises(UsageError, match=r"is a rig on a pivot, which does not fly.*leave out --like"):
         named_vehicle([str(tmp_path / "rig")], like="px4_quad")
