@@ -37,8 +37,10 @@ quick: $(VENV)/.installed-dev
 	$(BIN)/ruff check
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope $$($(BIN)/python -m tests.quick $(BASE))
 
+# The long studies, part by part: a second run goes on where the first ended. PART chooses some by their paths.
+PART ?=
 study: $(VENV)/.installed-dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadscope -m slow
+	$(BIN)/python -m tests.study $(PART)
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks
