@@ -173,12 +173,12 @@ def _one(job: Job, size: int, folder: Path) -> dict[str, float]:
 def main() -> None:
     """Print the table."""
     if "--one" in sys.argv:
-        number, size, folder = sys.argv[sys.argv.index("--one") + 1 :]
-        print(json.dumps(_one(JOBS[int(number)], int(size), Path(folder))))
+        number, size, place = sys.argv[sys.argv.index("--one") + 1 :]
+        print(json.dumps(_one(JOBS[int(number)], int(size), Path(place))))
         return
     wanted = sys.argv[1:]
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
         _written(folder)
         for job in JOBS:
             if not wanted or any(part in f"{job.name} {job.of}" for part in wanted):
