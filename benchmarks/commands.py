@@ -100,7 +100,7 @@ JOBS = (
         "identify hover.longitudinal by prediction error",
         f"identify {_S500} --method prediction_error",
         9.0,
-        warm_up="identify @px4_sitl/roll.ulg --model rate.roll --method prediction_error",
+        warm_up="identify @px4_sitl/yaw.ulg.xz --model rate.yaw --method prediction_error",
     ),
     *(
         Job(
