@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import rotorid
-from rotorid.data.record import FlightRecord, Topic
+from rotorid.data import FlightRecord, Topic
 
 BAR = 1.5
 """Exponent between the two largest sizes up to which growth is no quadratic one, with noise of the machine."""
@@ -66,14 +66,10 @@ def _slope(sizes: Sequence[int], costs: Sequence[float]) -> float:
     return math.log(costs[-1] / costs[-2]) / math.log(sizes[-1] / sizes[-2])
 
 
-def _written(folder: Path) -> Path:
-    """The example flight of a PX4 quadrotor: four minutes with sweeps and doublets on each axis."""
-    from rotorid.flying import fly_run, write_run
-    from rotorid.flying.examples import example_named
-
-    choices, path = example_named("px4").choices(), folder / "flight.ulg"
-    write_run(path, fly_run(choices, 0), choices)
-    return path
+def _written(folder: Path) -> None:
+    """The example of a PX4 quadrotor: a flight of 217 s with sweeps and doublets on each axis, ``flight.ulg``."""
+    call = [sys.executable, "-m", "rotorid", "example", "px4", "--quiet", "--force", "--out", str(folder)]
+    subprocess.run(call, check=True)
 
 
 def again(record: FlightRecord, times: int, name: str = "") -> FlightRecord:
