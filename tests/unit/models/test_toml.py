@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rotorid.errors import ModelError
+from rotorid.letters import visible
 from rotorid.models.expression import Expression
 from rotorid.models.library import RATE_AXES, rate_model
 from rotorid.models.parameter import Parameter, ParameterSet
@@ -293,7 +294,7 @@ def assert_refused(text: str, line: int | None, message: str) -> None:
     assert caught.value.needed or caught.value.remedy or "loop" in error
     assert error.count("model.toml, line ") == 1
     if line is not None:
-        shown = (text.splitlines() or [""])[line - 1].strip()
+        shown = visible((text.splitlines() or [""])[line - 1].strip())
         assert error.startswith(f"model.toml, line {line}{f' ({shown[:100]}' if shown else ''}")
 
 
