@@ -36,17 +36,18 @@ VEHICLES = ("px4_quad", "ardupilot_quad", "betaflight_quad", "x500", "iris")
 AXES: tuple[Axis, ...] = ("roll", "pitch")
 LOG_HZ, DURATION_S = 400.0, 60.0
 MILDER, MILDER_TIMES = 0.6, 6
-HOT_PEAK = 2.0
-"""M_s of flown gains above which less of it is bought with attitude error."""
+HOT_PEAK, HOT_MARGIN_DEG = 2.0, 40.0
+"""M_s of flown gains above which, and phase margin below which, more margin is bought with attitude error."""
 
 
 @dataclass
 class Row:
     """What became of one axis of one flight; figures are those of the exact plant.
 
-    ``peaks`` are M_s of the flown and the proposed gains, infinite where unstable; ``better`` is the attitude error
-    under a moment, proposed over flown, and ``tracking`` that of the attitude behind its set-point. ``gain`` is the
-    plant over the exact one, and ``inside`` whether its 95 % interval contains one.
+    ``peaks`` are M_s of the flown and the proposed gains, infinite where unstable, ``phase_margin_deg`` the smaller one
+    of both loops of the flown ones; ``better`` is the attitude error under a moment, proposed over flown, and
+    ``tracking`` that of the attitude behind its set-point. ``gain`` is the plant over the exact one, and ``inside``
+    whether its 95 % interval contains one.
     """
 
     flight: int
@@ -60,9 +61,15 @@ class Row:
     gain: float = np.nan
     inside: bool = False
     peaks: tuple[float, float] = (np.nan, np.nan)
+    phase_margin_deg: float = np.nan
     better: float = np.nan
     tracking: float = np.nan
     foretold: float = np.nan
+
+    @property
+    def fine(self) -> bool:
+        """Whether the flown gains have enough margin."""
+        return self.peaks[0] <= HOT_PEAK and self.phase_margin_deg >= HOT_MARGIN_DEG
 
 
 def axis_of(number: int) -> Axis:
@@ -170,6 +177,7 @@ def judge(row: Row, case: Case, found: Any) -> None:
         for one in (before, after)
     ]
     row.peaks = peaks[0], peaks[1]
+    row.phase_margin_deg = float(np.degrees(min(one.phase_margin_rad[0] for one in (before.rate, before.whole))))
     row.better = float(after.attitude_rms[0] / before.attitude_rms[0])
     row.foretold = float(found.proposal.better)
     errors = [
@@ -215,13 +223,13 @@ def table(rows: Sequence[Row]) -> list[str]:
 def table_by_margin(rows: Sequence[Row]) -> list[str]:
     """Proposals for flown gains with enough margin, and for hotter ones, where margin may cost attitude error."""
     lines = [
-        "| flown M_s | proposals | less attitude error | its median | M_s flown: median, largest | M_s proposed |",
+        "| flown gains | proposals | less attitude error | its median | M_s flown: median, largest | M_s proposed |",
         "|---|---|---|---|---|---|",
     ]
     changed = [row for row in rows if row.changed]
     for name, here in {
-        f"≤ {HOT_PEAK:g}": [row for row in changed if row.peaks[0] <= HOT_PEAK],
-        f"> {HOT_PEAK:g}": [row for row in changed if row.peaks[0] > HOT_PEAK],
+        "fine": [row for row in changed if row.fine],
+        "too hot": [row for row in changed if not row.fine],
     }.items():
         before, after = ([row.peaks[which] for row in here] or [np.nan] for which in (0, 1))
         error = np.median([row.better for row in here] or [np.nan])
