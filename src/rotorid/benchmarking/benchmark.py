@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 from rotorid.benchmarking.catalog import Benchmark, benchmark_named
 from rotorid.benchmarking.flights import folds, read_flights, vehicle_of
@@ -21,6 +21,9 @@ from rotorid.errors import UsageError
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.option import as_settings
 from rotorid.verification.multistep import StepErrors
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import BenchOptions
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +65,7 @@ def bench(
     data: str | os.PathLike[str] | None = None,
     *,
     settings: BenchSettings | None = None,
-    **choices: Any,
+    **options: Unpack[BenchOptions],
 ) -> Benchmarked:
     """Errors of all models on a public benchmark.
 
@@ -75,7 +78,7 @@ def bench(
         ``neurobem``, ``idsia`` or ``nanobench``.
     data
         Folder of the downloaded files.
-    settings, choices
+    settings, **options
         :class:`~rotorid.benchmarking.settings.BenchSettings`, or its fields one by one.
 
     Raises
@@ -85,7 +88,7 @@ def bench(
     InsufficientDataError
         Fewer than two flights can be used, or they do not support a fit.
     """
-    chosen = as_settings(BenchSettings, settings, choices)
+    chosen = as_settings(BenchSettings, settings, options)
     benchmark = benchmark_named(name)
     if data is None:
         raise UsageError(

@@ -14,7 +14,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -52,6 +52,9 @@ from rotorid.io.pool import cores
 from rotorid.letters import visible
 from rotorid.settings.option import as_settings
 from rotorid.typing import FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import FleetOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 _LOCK = "fleet.lock"
@@ -383,7 +386,7 @@ def fleet(
     settings: FleetSettings | None = None,
     out: Path | str | None = None,
     engine: Engine | None = None,
-    **options: Any,
+    **options: Unpack[FleetOptions],
 ) -> Iterator[Row]:
     """Read and identify many logs, and yield rows as they come.
 

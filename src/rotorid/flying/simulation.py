@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from rotorid.models.input_units import in_logged_units
 from rotorid.models.library import library_model
 from rotorid.planning.amplitude import Reached, reached
 from rotorid.results.provenance import LoggedManeuver, Provenance
-from rotorid.settings.option import require_seed
+from rotorid.settings.option import as_settings, require_seed
 from rotorid.simulation.linearization import hover_derivatives_of
 from rotorid.simulation.multirotor import Rotors
 from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirotor, number_of, seed_of
@@ -46,7 +46,10 @@ from rotorid.verification.flight import outside, percents
 from rotorid.verification.multistep import to_body
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     from rotorid.flying.bench_designs import BenchSettings
+    from rotorid.settings.option_types import SimulateOptions
 
 _NOTICED = 1e-9
 _SEED_BITS_LEFT_OUT = 80
@@ -129,7 +132,7 @@ class Run(Immutable):
     flown: SimulatedFlight
 
 
-def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -> SimulatedFlight:
+def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Unpack[SimulateOptions]) -> SimulatedFlight:
     """Fly a vehicle under its autopilot; :func:`rotorid.write_log` makes a log of the flight.
 
     Parameters
@@ -157,7 +160,8 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Any) -
     >>> flight.columns["p"].size  # doctest: +SKIP
     100
     """
-    return fly_run(SimulateSettings(vehicle=vehicle, plan=plan, **options), 0).flown
+    chosen = as_settings(SimulateSettings, SimulateSettings(vehicle=vehicle, plan=plan), options)
+    return fly_run(chosen, 0).flown
 
 
 def fly_run(choices: SimulateSettings, number: int) -> Run:

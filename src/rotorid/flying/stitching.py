@@ -24,7 +24,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -58,6 +58,9 @@ from rotorid.typing import Axis, FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds
 from rotorid.verification.closed_loop import LoopScores, scored
 from rotorid.verification.sampled import low_pass
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import StitchOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -361,7 +364,7 @@ def stitch(
     records: Sequence[FlightRecord] = (),
     *,
     settings: StitchSettings | None = None,
-    **options: Any,
+    **options: Unpack[StitchOptions],
 ) -> Stitched:
     """Stitch models over speed, and judge them on flights through the speeds.
 

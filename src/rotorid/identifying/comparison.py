@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, Unpack
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from rotorid.results.provenance import Provenance
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.option import as_settings
 from rotorid.verification.fixed_parameters import FixedParameterScores, fit_percent
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import IdentifyOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -310,7 +313,7 @@ def compare(
     records: Records = (),
     *,
     settings: IdentifySettings | None = None,
-    **options: Any,
+    **options: Unpack[IdentifyOptions],
 ) -> Comparison:
     """Compare identified models.
 

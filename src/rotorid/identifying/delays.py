@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from rotorid.signal.clock import missing_channel
 from rotorid.signal.excitations import excitation_signals
 from rotorid.signal.stamps import CLOCK_SAMPLES, clock_error_s, largest_clock_s
 from rotorid.typing import BoolArray
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import MeasureOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -147,7 +150,7 @@ def delay(
     output: str | None = None,
     order: int | None = None,
     settings: MeasureSettings | None = None,
-    **options: Any,
+    **options: Unpack[MeasureOptions],
 ) -> Delays:
     """Delays between channels of flight records: what ``rotorid delay`` does.
 

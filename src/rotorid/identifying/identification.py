@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 from rotorid.data.findings import refusal, worst_first
 from rotorid.data.record import FlightRecord
@@ -33,6 +33,9 @@ from rotorid.settings.motors import MotorSettings
 from rotorid.settings.option import Settings, as_names, as_settings
 from rotorid.settings.resolve import Model, asked_model, read_model, resolve_model
 
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import IdentifyOptions
+
 DataT = TypeVar("DataT", bound=Prepared)
 FittedT = TypeVar("FittedT", bound=Fitted)
 
@@ -45,7 +48,7 @@ def identify(
     verify: Records = (),
     inputs: str | Sequence[str] = (),
     decoupled: bool = False,
-    **options: Any,
+    **options: Unpack[IdentifyOptions],
 ) -> IdentifiedModel:
     """Identify a model from flight records.
 

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import refusal
@@ -27,6 +27,9 @@ from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.models import ALL, asks_all
 from rotorid.settings.option import as_settings
 from rotorid.settings.resolve import asked_model
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import IdentifyOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -92,7 +95,7 @@ def identify_several(
     *,
     settings: IdentifySettings | None = None,
     verify: Records = (),
-    **options: Any,
+    **options: Unpack[IdentifyOptions],
 ) -> SeveralModels:
     """Identify several models, see :func:`rotorid.identify`; one that the data cannot support ends no other.
 

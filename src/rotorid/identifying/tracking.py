@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from rotorid.signal.motors import motor_limits
 from rotorid.signal.stretch import stretch
 from rotorid.typing import Axis, FloatArray
 from rotorid.verification.tracking import BAND_HZ, RATE_HZ, Tracking, require_length, track_gain
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import TrackOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -128,7 +131,7 @@ def track(
     model: str | IdentifiedModel = "rate.roll",
     *,
     settings: TrackSettings | None = None,
-    **options: Any,
+    **options: Unpack[TrackOptions],
 ) -> FlightTracking:
     """Follow the gain of a rate model through a flight.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 from rotorid.checking.candidate import Candidate, candidate_model, read_candidate
 from rotorid.checking.checks import maneuver_check
@@ -26,6 +26,9 @@ from rotorid.results.summary import ManeuverCheck, Range, Trim
 from rotorid.settings.option import as_settings
 from rotorid.settings.verifying import VerifySettings
 from rotorid.verification.verification import Verification
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import VerifyOptions
 
 ModelSource: TypeAlias = str | Path | Candidate | IdentifiedModel
 """A model to judge, or where it was written."""
@@ -70,7 +73,7 @@ def verify(
     records: Records,
     *,
     settings: VerifySettings | None = None,
-    **options: Any,
+    **options: Unpack[VerifyOptions],
 ) -> Verified:
     """Judge an identified model on other data.
 

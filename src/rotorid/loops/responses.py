@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from rotorid.settings.measuring import ResponseSettings
 from rotorid.settings.option import as_names, as_settings
 from rotorid.signal.excitations import rich_excitations
 from rotorid.typing import Axis, BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import ResponseOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -427,7 +430,7 @@ def response(
     inputs: str | Sequence[str] = (),
     outputs: str | Sequence[str] = (),
     settings: ResponseSettings | None = None,
-    **options: Any,
+    **options: Unpack[ResponseOptions],
 ) -> Responses:
     """Frequency responses of flight records: what ``rotorid response`` does.
 

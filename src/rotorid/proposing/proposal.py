@@ -13,7 +13,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 from rotorid.autopilots.registry import writer_of
 from rotorid.data.base import Immutable
@@ -44,6 +44,9 @@ from rotorid.settings.option import as_settings
 from rotorid.tuning.gain_files import GainFile
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import Axis, LoopName
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import TuneOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -127,7 +130,7 @@ def tune(
     *,
     settings: TuneSettings | None = None,
     judge: GainFile | Path | str | None = None,
-    **options: Any,
+    **options: Unpack[TuneOptions],
 ) -> TuningProposal:
     """Propose gains of roll, pitch and yaw, and of the outer loops around them.
 

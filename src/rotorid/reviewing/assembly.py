@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, TypeVar, Unpack, overload
 
 from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.axes import RATE_OF
@@ -65,6 +65,9 @@ from rotorid.signal.dead_sensors import CHECK_SENSORS, dead_gyro, dead_sensor_fi
 from rotorid.signal.oscillations import check_oscillations
 from rotorid.typing import Axis
 
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import ReviewOptions
+
 _PROGRESS = logs.getLogger("rotorid.progress")
 _OF_GYRO = ("oscillations", "loops", "tracking", "margins")
 _STEPS = ("flight", "logging", "oscillations", "loops", "margins", "noise", "motors", "models")
@@ -74,16 +77,21 @@ Part = TypeVar("Part")
 
 
 @overload
-def review(records: FlightRecord | str | Path, *, settings: ReviewSettings | None = None, **options: Any) -> Review: ...
+def review(  # type: ignore[overload-overlap]  # a text is a file, not a sequence of texts
+    records: FlightRecord | str | Path, *, settings: ReviewSettings | None = None, **options: Unpack[ReviewOptions]
+) -> Review: ...
 @overload
 def review(
-    records: Sequence[FlightRecord | str | Path], *, settings: ReviewSettings | None = None, **options: Any
+    records: Sequence[FlightRecord | str | Path],
+    *,
+    settings: ReviewSettings | None = None,
+    **options: Unpack[ReviewOptions],
 ) -> tuple[Review, ...]: ...
 def review(
     records: FlightRecord | str | Path | Sequence[FlightRecord | str | Path],
     *,
     settings: ReviewSettings | None = None,
-    **options: Any,
+    **options: Unpack[ReviewOptions],
 ) -> Review | tuple[Review, ...]:
     """Review ordinary flights: loops, margins, models, noise, motors, and what the logs do not show.
 

@@ -85,7 +85,7 @@ def test_options_may_be_given_by_name() -> None:
     shorter = identify(flight(1), "response.second_order", segments=(), seed=3)
     assert shorter.provenance.seed == 3
     with pytest.raises(TypeError, match="did you mean"):
-        identify(flight(1), "response.second_order", sed=3)
+        identify(flight(1), "response.second_order", sed=3)  # type: ignore[call-arg]
 
 
 def test_it_shows_itself_in_few_lines(model: IdentifiedModel) -> None:

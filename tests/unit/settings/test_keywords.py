@@ -73,3 +73,10 @@ def test_an_error_speaks_to_its_caller() -> None:
 def test_verbs_go_to_other_processes() -> None:
     assert pickle.loads(pickle.dumps(rotorid.identify)) is rotorid.identify
     assert inspect.unwrap(rotorid.identify) is identify
+
+
+def test_a_simulation_takes_texts_and_suggests_names() -> None:
+    with pytest.raises(TypeError, match="did you mean duration_s"):
+        rotorid.simulate("x500", duraton_s=0.05)  # type: ignore[call-arg]
+    with pytest.raises(RotoridError, match="no number of a vehicle 'weight'"):
+        rotorid.simulate("x500", duration_s=0.05, changes="weight=2")
