@@ -27,6 +27,7 @@ import numpy as np
 from rotorid.autopilots.registry import named
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable, cached_by_value
+from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import with_error
 from rotorid.data.record import FlightRecord
@@ -67,10 +68,8 @@ _BEST_FIRST: tuple[ControllerVerdict, ...] = ("made", "not checked", "not made")
 _GROUPS = 12
 """Number of groups of windows, each left out once."""
 
-_FASTER = "Log command, rate and set-point faster."
-_REMEDY = (
-    "Give the log in which these gains were flown. A controller with parts that are not modeled cannot be checked."
-)
+_FASTER = "log command, rate and set-point faster"
+_REMEDY = "give the log in which these gains were flown; a controller with parts that are not modeled cannot be checked"
 
 
 class PathGain(NamedTuple):
@@ -200,7 +199,7 @@ def controller_findings(record: FlightRecord) -> tuple[Finding, ...]:
     return (
         *flown_firmware(record).findings,
         *(
-            warn("controller_unexplained", check.axis, f"{check.why}. {check.remedy}", **check.numbers)
+            warn("controller_unexplained", check.axis, f"{check.why}. {capital(check.remedy)}.", **check.numbers)
             for check in wrong
         ),
     )
@@ -270,7 +269,7 @@ def _by_terms(
         if found.verdict != "not made":
             return found
         why = f"The terms of the {axis} controller, which move in flight, are not logged"
-        return replace(found, verdict="not checked", why=why, remedy="Log all fields of the PID controller.")
+        return replace(found, verdict="not checked", why=why, remedy="log all fields of the PID controller")
     try:
         relation = command_relation(record, axis, (f"{axis}_command", *terms.values()), setpoint=setpoint)
     except InsufficientDataError as error:
@@ -298,7 +297,7 @@ def _by_terms(
     if (found.correlation or 0.0) <= 0.0:
         why = f"The {axis} command computed from the motors does not follow the sum of the controller's terms"
         return replace(
-            found, verdict="not made", why=why, remedy="Check that this is a quadrotor with the usual motor order."
+            found, verdict="not made", why=why, remedy="check that this is a quadrotor with the usual motor order"
         )
     return _with_verdict(record, found, {"p": (1.0, 1.0), "d": (least_derivative, 1.0)})
 
@@ -327,7 +326,7 @@ def _with_verdict(
         return replace(found, verdict="not made", why=why, remedy=_REMEDY)
     if doubts:
         why = f"The flight shows the {found.axis} gains only roughly, {shown}"
-        return replace(found, verdict="not checked", why=why, remedy="Fly longer, or log faster.")
+        return replace(found, verdict="not checked", why=why, remedy="fly longer, or log faster")
     return found
 
 

@@ -24,7 +24,6 @@ from rotorid.autopilots.filters import KnownFilter, combined_response
 from rotorid.autopilots.registry import autopilot_of, by_gains, named
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.base import Immutable, cached_by_value
-from rotorid.data.display import capital
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError
@@ -132,7 +131,7 @@ class LogControllers(Immutable):
     firmware: LoggedFirmware
     loop_rate_hz: float | None = None
     throttle: float = 0.0
-    advice: str = "Give the log with the result."
+    advice: str = "give the log with the result"
 
     def __post_init__(self) -> None:
         self._set(parameters=self.parameters)
@@ -175,18 +174,18 @@ class LogControllers(Immutable):
         """
         if missing := self.missing(axis):
             why = f"The {axis} controller is unknown: {self.origin} lack {' and '.join(missing)}"
-            return why, "Log all parameters of the autopilot."
+            return why, "log all parameters of the autopilot"
         if f"{axis}PID_P" in self.parameters:
             if is_other_program(self.firmware.name):
                 why = f"The {axis} controller of {self.firmware.name} is not supported"
-                return why, "Only gains of Betaflight 4.0 or later can be judged and tuned."
+                return why, "only gains of Betaflight 4.0 or later can be judged and tuned"
             version = version_of(self.firmware.name)
             if version is None:
                 why = f"The log does not name its firmware version, which the {axis} gains depend on"
-                return why, "Give the log as the flight controller wrote it."
+                return why, "give the log as the flight controller wrote it"
             if version < OLDEST:
                 why = f"The {axis} controller of {self.firmware.name}, older than version 4.0, is not supported"
-                return why, "Use Betaflight 4.0 or later."
+                return why, "use Betaflight 4.0 or later"
         return f"The log has no known gains for the {axis} controller", self.advice
 
     def settings(self) -> ControllerSettings | None:
@@ -240,7 +239,7 @@ def controllers_of(record: FlightRecord) -> LogControllers:
         firmware=flown_firmware(record),
         loop_rate_hz=_loop_rate_hz(record),
         throttle=_usual_throttle(record),
-        advice=f"{capital(gains_advice(record))}.",
+        advice=gains_advice(record),
     )
 
 

@@ -149,7 +149,7 @@ def filter_sets(record: FlightRecord, noise: GyroNoise, loops: Mapping[Axis, Kno
     axes = [axis for axis in RATE_OF if flown.axis(axis) is not None]
     if not axes:
         why, remedy = flown.unknown_gains("roll")
-        raise InsufficientDataError(why[:1].lower() + why[1:], remedy=remedy.rstrip(".").lower())
+        raise InsufficientDataError(why[:1].lower() + why[1:], remedy=remedy)
     offered = autopilot_of(record).log.filter_changes(record, noise.lines)
     groups: dict[FilterGroup, list[FilterChange | None]] = {}
     for change in offered:

@@ -23,7 +23,6 @@ from rotorid.autopilots.advice import move_stick
 from rotorid.autopilots.filters import KnownFilter
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
-from rotorid.data.display import capital
 from rotorid.data.record import FlightRecord, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
@@ -231,16 +230,11 @@ def enters_the_mixer(record: FlightRecord, excitation: str) -> bool:
     )
 
 
-def moved_stick(axis: Axis) -> str:
-    """The remedy, as a sentence, for a stick that did not show the loop of its axis."""
-    return f"{capital(move_stick(axis))}."
-
-
 def _used(response: FrequencyResponse, used: BoolArray, axis: Axis, channel: str) -> FrequencyResponse:
     rows = np.flatnonzero(used)
     if rows.size < _FEWEST_POINTS:
         raise PlantUnavailableError(
-            f"{channel} explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", moved_stick(axis)
+            f"{channel} explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", move_stick(axis)
         )
     return random_errors_at(response, rows)
 
@@ -326,7 +320,7 @@ def _instruments(flight: FlightData, axis: Axis) -> list[tuple[Instrument, str, 
         # Gusts move the set-point through the outer loops: little, and with the error that this deserves.
         return [("setpoint", setpoint, True)]
     why = f"moved for only {moved_s:.0f} s" if channel else "is not logged"
-    raise PlantUnavailableError(f"The {axis} stick {why}, so command and gusts cannot be separated.", moved_stick(axis))
+    raise PlantUnavailableError(f"The {axis} stick {why}, so command and gusts cannot be separated.", move_stick(axis))
 
 
 def _coherence(histories: Sequence[TimeHistory], one: str, other: str) -> float:
@@ -403,7 +397,7 @@ def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence
     )
     if rows.size < _FEWEST_POINTS:
         raise PlantUnavailableError(
-            f"The stick explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", moved_stick(axis)
+            f"The stick explains the {axis} command at fewer than {_FEWEST_POINTS} frequencies.", move_stick(axis)
         )
     inverse = inverse_controller(
         response.omega_rad_s[rows],
@@ -416,7 +410,7 @@ def ordinary_plant(flight: FlightData, whole: WholeFlight, controllers: Sequence
         raise PlantUnavailableError(
             f"Between {axis} command and {RATE_OF[axis]} the flight shows the controller itself: gusts moved the "
             "vehicle, not the stick.",
-            moved_stick(axis),
+            move_stick(axis),
         )
     return MeasuredPlant(
         axis=axis,

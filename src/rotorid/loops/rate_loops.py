@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from rotorid.autopilots.advice import logging_advice
+from rotorid.autopilots.advice import logging_advice, move_stick
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital
@@ -45,7 +45,6 @@ from rotorid.loops.plants import (
     WholeFlight,
     drawn_plant,
     enters_the_mixer,
-    moved_stick,
     ordinary_plant,
     swept_plant,
     whole_flight,
@@ -89,7 +88,7 @@ NUMBERS = (
 )
 """Figures of a rate loop that a flight can show."""
 
-_FASTER = "Log commands and rates faster, and move the stick more quickly."
+_FASTER = "log commands and rates faster, and move the stick more quickly"
 
 RATE_LOOP = "measured vehicle times the gains in the log, rate loop alone"
 """Description of the loop for every verb."""
@@ -185,7 +184,7 @@ def rate_loop(
     elif len(logs) > 1:
         raise PlantUnavailableError(
             f"Only the stick excited {axis}, and several ordinary flights cannot be joined.",
-            "Give one log.",
+            "give one log",
         )
     else:
         flight = flown(record)
@@ -255,7 +254,7 @@ def _require_same_gains(axis: Axis, records: Sequence[FlightRecord]) -> None:
     if changed or any(_made_of(controller) != _made_of(each[0]) for controller in each):
         where = "in the log" if changed else "between the logs"
         raise PlantUnavailableError(
-            f"The gains changed {where}, so the loop is ambiguous.", "Give one log flown with a single set of gains."
+            f"The gains changed {where}, so the loop is ambiguous.", "give one log flown with a single set of gains"
         )
 
 
@@ -329,9 +328,7 @@ def _read(
     loop = with_model_error(loop, MODEL_ERROR)
     missing = _reasons(loop, numbers, plant, withheld)
     if not set(numbers) & set(NUMBERS):
-        raise PlantUnavailableError(
-            missing["crossover_rad_s"], moved_stick(measured.axis) if measured.idle else _FASTER
-        )
+        raise PlantUnavailableError(missing["crossover_rad_s"], move_stick(measured.axis) if measured.idle else _FASTER)
     return RateLoop(
         measured=measured,
         plant=plant,
@@ -503,7 +500,7 @@ def _reasons(
 
 def remedy_of(loop: RateLoop) -> str:
     """Remedy for the missing numbers."""
-    return moved_stick(loop.measured.axis) if loop.measured.idle else _FASTER
+    return move_stick(loop.measured.axis) if loop.measured.idle else _FASTER
 
 
 # The loops of ``response``: the same numbers under its names, with the whole loop and the attitude.

@@ -287,12 +287,12 @@ def require_gains(axis: Axis, record: FlightRecord) -> None:
 
 
 def _no_gains(axis: Axis, flown: LogControllers | None) -> InsufficientDataError:
-    why, remedy = ("The result has no gains", "Give the log with the result.")
+    why, remedy = ("The result has no gains", "give the log with the result")
     if flown is not None:
         why, remedy = flown.unknown_gains(axis)
     return InsufficientDataError(
         _clause(why),
-        remedy=_clause(remedy),
+        remedy=remedy,
         findings=[refusal("no_controller", axis, f"{why}.")],
     )
 
@@ -399,7 +399,7 @@ def require_controller_match(flown: LoggedLoop) -> list[Finding]:
         raise InsufficientDataError(
             _clause(check.why),
             needed="a flight with the gains of its parameters",
-            remedy=_clause(check.remedy),
+            remedy=check.remedy,
             findings=[refusal("other_controller", flown.axis, f"{check.why}.", **check.numbers)],
         )
     return list(check.findings)

@@ -55,13 +55,20 @@ def filters(
     """
     loops = _loops(margins)
     try:
-        return propose_filters(record, gyro_noise(record), loops), ()
+        noise = gyro_noise(record)
+    except InsufficientDataError as error:
+        return None, (_unknown(error, error.remedy),)
+    try:
+        return propose_filters(record, noise, loops), ()
     except InsufficientDataError as error:
         # Without margins, what would measure them is the one thing to do.
         known = {"roll", "pitch"} <= loops.keys()
         of_margins = (gap.remedy for gap in unmeasured if gap.what.startswith("margins") and gap.remedy)
-        remedy = error.remedy if known else next(of_margins, error.remedy)
-        return None, (Unavailable(what="filters", why=f"{capital(error.came)}.", remedy=remedy),)
+        return None, (_unknown(error, error.remedy if known else next(of_margins, error.remedy)),)
+
+
+def _unknown(error: InsufficientDataError, remedy: str) -> Unavailable:
+    return Unavailable(what="filters", why=f"{capital(error.came)}.", remedy=remedy)
 
 
 def _loops(margins: Mapping[Axis, MarginReview]) -> dict[Axis, KnownLoop]:

@@ -23,7 +23,7 @@ class Unavailable(Immutable):
     why
         What was missing: one sentence, or two of which the first is enough.
     remedy
-        The one maneuver, setting or command that would measure it; empty where there is none.
+        The one maneuver, setting or command that would measure it, as a clause; empty where there is none.
     fault
         Whether it is missing because rotorid failed, not because of the data.
     """

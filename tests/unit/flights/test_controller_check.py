@@ -170,10 +170,10 @@ def test_an_unknown_controller_has_one_reason(parameters: dict[str, float], firm
 @pytest.mark.parametrize(
     ("form", "firmware", "remedy"),
     [
-        ("PX4 ULog", NEW, "Log the parameters."),
-        ("Betaflight blackbox", RACER, "Fly Betaflight 4.0 or newer, whose gains are known."),
-        ("CSV", "", "Use the autopilot's own log, which contains its parameters."),
-        ("MAVLink telemetry", NEW, "Read the log on the autopilot's SD card: telemetry is only a slow copy."),
+        ("PX4 ULog", NEW, "log the parameters"),
+        ("Betaflight blackbox", RACER, "fly Betaflight 4.0 or newer, whose gains are known"),
+        ("CSV", "", "use the autopilot's own log, which contains its parameters"),
+        ("MAVLink telemetry", NEW, "read the log on the autopilot's SD card: telemetry is only a slow copy"),
     ],
 )
 def test_what_would_show_the_gains_is_what_this_log_has(form: str, firmware: str, remedy: str) -> None:

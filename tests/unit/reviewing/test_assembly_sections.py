@@ -129,6 +129,8 @@ def test_a_part_that_fails_leaves_all_others_as_they_were(
     reasons = [gap for gap in broken.cannot_tell if WHY in gap.why]
     assert any(gap.what == part or gap.what.startswith(f"{part.partition('.')[0]}.") for gap in reasons)
     assert broken.flight.flights == whole.flight.flights
+    # "To do:" and "; " go before a remedy.
+    assert not [gap.remedy for gap in whole.cannot_tell if gap.remedy.endswith(".") or gap.remedy[:2].istitle()]
     faulty = kind in ("value", "linalg")
     assert faulty == any(finding.kind == "internal_error" for finding in broken.findings)
     assert all("--layout" not in gap.remedy or "rotorid identify" in gap.remedy for gap in reasons)

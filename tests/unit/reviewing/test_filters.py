@@ -98,9 +98,11 @@ def test_motor_noise_has_one_scale_on_the_page(noisy: FilterProposal) -> None:
 
 
 def test_a_slow_log_gets_the_one_remedy() -> None:
-    found, gaps = filters(fly(replace(ARDUPILOT, log_hz=50.0), seconds=15.0), {})
+    idle = Unavailable(what="margins.roll", why="The roll stick did not move.", remedy="move the roll stick")
+    found, gaps = filters(fly(replace(ARDUPILOT, log_hz=50.0), seconds=15.0), {}, (idle,))
     (gap,) = gaps
     assert found is None
+    assert "stick" not in gap.remedy
     card = filter_card(seen("ArduPilot", found, gap))
     assert (card.state, card.remedy) == ("cannot", gap.remedy)
     assert "logged at 50 Hz" in card.headline
