@@ -8,6 +8,9 @@ from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.record import FlightRecord, Unread
 from rotorid.typing import Axis
 
+LOOP_RATE_HZ = 100.0
+"""A log as fast as this shows a rate loop beyond its crossover."""
+
 
 def logging_advice(record: FlightRecord, rate_hz: float, channels: tuple[str, ...] = ()) -> str:
     """How the next log holds commands and rates, fast enough.
@@ -120,6 +123,21 @@ def move_stick(axis: Axis) -> str:
     """
     turn = "turn quickly by 20°" if axis == "yaw" else "tilt quickly 5 to 10°"
     return f"move the {axis} stick for 30 s: {turn} to one side, then to the other, once every second"
+
+
+def loop_advice(record: FlightRecord, axis: Axis, rate_hz: float) -> str:
+    """What shows the rate loop of an axis better: a faster log, or, where that is fast enough, a stick that moves more.
+
+    Parameters
+    ----------
+    record
+        A log that shows it too little.
+    axis
+        Of the loop.
+    rate_hz
+        Rate of the slowest of command, rate and set-point.
+    """
+    return logging_advice(record, rate_hz) if rate_hz < LOOP_RATE_HZ else move_stick(axis)
 
 
 def flying_advice(record: FlightRecord, *axes: Axis) -> str:

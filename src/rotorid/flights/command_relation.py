@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorid.autopilots.advice import logging_advice
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.axes import RATE_OF
 from rotorid.data.base import Immutable
@@ -137,7 +138,7 @@ def command_relation(
         raise InsufficientDataError(
             f"Command, rate and set-point of {axis} are logged at {rate_hz:.0f} Hz, below {LEAST_RATE_HZ:.0f} Hz",
             needed=f"{LEAST_RATE_HZ:.0f} Hz",
-            remedy="Log commands and rates faster.",
+            remedy=logging_advice(record, rate_hz),
         )
     length = round(_WINDOW_S * rate_hz)
     histories = [history for history in flown.histories if history.values.shape[1] >= length]

@@ -24,6 +24,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.advice import loop_advice
 from rotorid.autopilots.registry import named
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable, cached_by_value
@@ -68,7 +69,6 @@ _BEST_FIRST: tuple[ControllerVerdict, ...] = ("made", "not checked", "not made")
 _GROUPS = 12
 """Number of groups of windows, each left out once."""
 
-_FASTER = "log command, rate and set-point faster"
 _REMEDY = "give the log in which these gains were flown; a controller with parts that are not modeled cannot be checked"
 
 
@@ -228,7 +228,7 @@ def _by_command(
     measured, related = relation.signals[command], relation.related(command, _HIGHEST_RAD_S)
     if not related.any():
         why = f"Set-point and rate of {axis} explain too little of its command, whatever the gains"
-        return _unchecked(axis, why, _FASTER, setpoint)
+        return _unchecked(axis, why, loop_advice(record, axis, relation.sample_rate_hz), setpoint)
     made = made_by_paths(record, relation, controller, driven=driven)
     of_rate = made_by_paths(record, replace(relation, setpoint=None), controller, driven=driven)
     noise = _noise(relation, command, related)
@@ -278,7 +278,7 @@ def _by_terms(
     related = relation.related(terms["p"], _HIGHEST_RAD_S)
     if not related.any():
         why = f"Set-point and rate of {axis} explain too little of its P term, whatever the gains"
-        return _unchecked(axis, why, _FASTER, setpoint)
+        return _unchecked(axis, why, loop_advice(record, axis, relation.sample_rate_hz), setpoint)
     paths = {
         letter: path_gains(relation.signals[terms[letter]], {letter: made[letter]}, related)[letter]
         for letter in made

@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 
-from rotorid.autopilots.advice import logging_advice, move_stick
+from rotorid.autopilots.advice import logging_advice, loop_advice, move_stick
 from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable
 from rotorid.data.display import capital
@@ -88,7 +88,6 @@ NUMBERS = (
 )
 """Figures of a rate loop that a flight can show."""
 
-_FASTER = "log commands and rates faster, and move the stick more quickly"
 
 RATE_LOOP = "measured vehicle times the gains in the log, rate loop alone"
 """Description of the loop for every verb."""
@@ -328,7 +327,7 @@ def _read(
     loop = with_model_error(loop, MODEL_ERROR)
     missing = _reasons(loop, numbers, plant, withheld)
     if not set(numbers) & set(NUMBERS):
-        raise PlantUnavailableError(missing["crossover_rad_s"], move_stick(measured.axis) if measured.idle else _FASTER)
+        raise PlantUnavailableError(missing["crossover_rad_s"], _remedy(measured, record))
     return RateLoop(
         measured=measured,
         plant=plant,
@@ -498,9 +497,14 @@ def _reasons(
     return {name: why for name, why in reasons.items() if name not in numbers}
 
 
-def remedy_of(loop: RateLoop) -> str:
-    """Remedy for the missing numbers."""
-    return move_stick(loop.measured.axis) if loop.measured.idle else _FASTER
+def remedy_of(loop: RateLoop, record: FlightRecord) -> str:
+    """Remedy for the missing numbers of a loop that a log shows."""
+    return _remedy(loop.measured, record)
+
+
+def _remedy(measured: MeasuredPlant, record: FlightRecord) -> str:
+    axis = measured.axis
+    return move_stick(axis) if measured.idle else loop_advice(record, axis, measured.sample_rate_hz)
 
 
 # The loops of ``response``: the same numbers under its names, with the whole loop and the attitude.

@@ -54,7 +54,7 @@ def _margin(flight: FlightData, axis: Axis) -> tuple[MarginReview | None, tuple[
         remedy = error.remedy or move_stick(axis)
         return None, (Unavailable(what=f"margins.{axis}", why=f"{capital(error.came)}.", remedy=remedy),)
     return _review(flight, loop), tuple(
-        Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop))
+        Unavailable(what=f"margins.{axis}.{name}", why=loop.missing[name], remedy=remedy_of(loop, flight.record))
         for name in NUMBERS
         if name in loop.missing
     )
