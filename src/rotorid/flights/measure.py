@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.autopilots.filters import KnownFilter
+from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, remark, warn
-from rotorid.data.record import AXES, STANDARD_UNITS, Maneuver, TimeHistory
+from rotorid.data.record import AXES, STANDARD_UNITS, FlightRecord, Maneuver, TimeHistory
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import UsageError
 from rotorid.fitting.frequency.problem import usable_points
 from rotorid.flights.consistency import data_quality, sensor_agreement, sensor_errors
 from rotorid.flights.controllers import LoggedController, logged_controller
-from rotorid.flights.flights import Flight
+from rotorid.flights.flights import Flight, SteadyDrag
 from rotorid.flights.instruments import (
     band_of_instrument,
     by_instruments,
@@ -210,6 +211,35 @@ def measure(
     UsageError
         A shift is of a channel that takes no part, or longer than a maneuver.
     """
+    own = MeasureSettings(**{choice.name: getattr(settings, choice.name) for choice in fields(MeasureSettings)})
+    record = flights[0].record
+    if any(flight.record is not record for flight in flights):
+        return _measured_together(flights, tuple(inputs), tuple(outputs), own, tuple(also))
+    flown = tuple((flight.maneuver, flight.steady_drag) for flight in flights)
+    return _measured_alone(record, flown, tuple(inputs), tuple(outputs), own, tuple(also))
+
+
+@cached_by_value
+def _measured_alone(
+    record: FlightRecord,
+    flown: tuple[tuple[Maneuver, SteadyDrag | None], ...],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    settings: MeasureSettings,
+    also: tuple[str, ...],
+) -> Measured:
+    """Responses of maneuvers of one log: a fit asks for them, its check, its scatter and the loops of a review."""
+    flights = [Flight(record, maneuver, drag) for maneuver, drag in flown]
+    return _measured_together(flights, inputs, outputs, settings, also)
+
+
+def _measured_together(
+    flights: Sequence[Flight],
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    settings: MeasureSettings,
+    also: tuple[str, ...],
+) -> Measured:
     groups, left = _drop_mixed_inputs(_groups(flights, inputs, outputs, settings))
     prepared = [_prepare(group, settings, also) for group in groups]
     require_known(settings.shifts, [name for item in prepared for name in item.channels])

@@ -209,6 +209,10 @@ class MeasureSettings(Settings):
                 "a direct estimate has no instrument", remedy="leave out --instrument or --estimate direct"
             )
 
+    def __hash__(self) -> int:
+        # Mappings have no hash; what they hold is compared, and seldom differs alone.
+        return hash((self.band_rad_s, self.windows_s, self.estimate, self.instruments, self.segments))
+
     def least_coherence(self, *, joint: bool) -> float:
         """The limit in force."""
         return least_coherence(self.coherence, joint=joint)
