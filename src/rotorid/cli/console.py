@@ -28,6 +28,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
+from rotorid.data.display import listed
 from rotorid.data.findings import SEVERITIES, without_repeated
 from rotorid.io.formats import PACKED
 from rotorid.letters import visible
@@ -291,7 +292,9 @@ def print_findings(
     """
     console = output_console()
     wanted = [finding for finding in findings if verbose or finding.severity != "info"]
-    counted = Counter((finding.severity, finding.kind, finding.message) for finding in without_repeated(wanted))
+    counted = _joined(
+        Counter((finding.severity, finding.kind, finding.message) for finding in without_repeated(wanted))
+    )
     kinds: Counter[str] = Counter()
     order = {}
     for key in counted:
@@ -316,6 +319,21 @@ def print_findings(
         # A command that is broken into lines cannot be copied.
         console.print(f"{words}{found}{command}", markup=False, soft_wrap=bool(found))
     _print_more(len(distinct) - len(shown), "warning", page)
+
+
+def _joined(counted: Counter[_Key]) -> Counter[_Key]:
+    """Findings that say the same behind their first comma, at length, as one: three slow topics have one remedy."""
+    heads: dict[_Key, list[tuple[str, int]]] = {}
+    for (severity, kind, message), times in counted.items():
+        head, _, rest = message.partition(", ")
+        head, rest = (head, rest) if len(rest) > len(head) else (message, "")
+        heads.setdefault((severity, kind, rest), []).append((head, times))
+    together: Counter[_Key] = Counter()
+    for (severity, kind, rest), same in heads.items():
+        parts = [(listed([head for head, _ in same]), 1)] if rest and all(times == 1 for _, times in same) else same
+        for head, times in parts:
+            together[severity, kind, f"{head}, {rest}" if rest else head] = times
+    return together
 
 
 def _worst_of_each_kind(findings: Sequence[_Key]) -> dict[_Key, int]:

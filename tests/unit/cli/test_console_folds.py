@@ -37,6 +37,12 @@ def test_the_worst_of_a_kind_has_the_largest_percentage(capsys: pytest.CaptureFi
     assert lines[0] == "warning off_axis_input (worst of 3): roll moved by 71 % of yaw (0.0583 rms, 900 s)."
 
 
+def test_what_has_one_remedy_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    slow = [warn("rate_too_low", name, f"{name} has 5 Hz, too slow for this; set LOG_BITMASK.") for name in "ABC"]
+    (line,) = printed(capsys, slow)
+    assert line == "warning rate_too_low: A has 5 Hz, B has 5 Hz and C has 5 Hz, too slow for this; set LOG_BITMASK."
+
+
 def test_findings_that_fit_are_not_merged(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed(capsys, GAPS[:3]) == [f"warning gap: {place}.5 s are missing." for place in range(3)]
 

@@ -143,9 +143,7 @@ def test_a_loop_is_called_safe_only_where_its_whole_interval_is() -> None:
 
 def test_what_would_tell_a_margin_is_what_the_flight_lacks() -> None:
     review = margins_of(phase_margin_deg=Quantity.normal(40.0, 9.0, "deg"))
-    lacking = Unavailable(
-        what="margins.roll.sensitivity_peak", why="Too slow.", remedy="log commands and rates faster"
-    )
+    lacking = Unavailable(what="margins.roll.sensitivity_peak", why="Too slow.", remedy="log commands and rates faster")
     assert (
         "To measure it: log commands and rates faster."
         in card_of(replace(review, cannot_tell=(lacking,)), "margins").sentence
