@@ -6,6 +6,7 @@ leans, is another one for each of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -77,27 +78,57 @@ def input_weighted_mean(
     inputs = len(parts[0].moved)
     power, weighted = np.zeros((inputs, grid.size)), np.zeros((inputs, grid.size))
     for part in parts:
+        # One room for all frequencies: to ask for memory costs more than to calculate in it.
+        room = np.empty((2, 3, 1 + inputs, part.values.size + 1), dtype=np.complex128)
         for place, omega in enumerate(grid.tolist()):
             rate_hz, watched, moved = part.coarser(omega)
-            length = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
-            window = np.hanning(min(int(length * rate_hz), watched.size) + 2)[1:-1]
-            turned = moved * np.exp(-1j * omega / rate_hz * np.arange(watched.size))
-            mean, *swings = _slid(window, watched, turned)
-            swing = np.abs(np.array(swings)) ** 2 / window.sum() ** 2
+            length_s = max(_PERIODS * 2.0 * np.pi / omega, _SHORTEST_S)
+            window = np.hanning(min(int(length_s * rate_hz), watched.size) + 2)[1:-1]
+            rows, sums = room[0, ..., : watched.size], room[1, ..., : watched.size + 1]
+            rows[0, 0] = watched
+            np.multiply(moved, _turning(omega / rate_hz, watched.size), out=rows[0, 1:])
+            mean, *swings = _slid(rows, sums, window.size)
+            swing = np.array([turned.real**2 + turned.imag**2 for turned in swings]) / window.sum() ** 2
             power[:, place] += swing.sum(axis=1) / rate_hz
             weighted[:, place] += (swing * transform(mean.real / _covered(window, watched.size))).sum(axis=1) / rate_hz
     means = np.divide(weighted, power, out=np.zeros_like(power), where=power > 0.0)
     return np.array([np.interp(np.log(omega_rad_s), np.log(grid), row) for row in means])
 
 
-def _slid(window: FloatArray, watched: FloatArray, turned: ComplexArray) -> ComplexArray:
-    """Sums under a window sliding over what is watched and over motions, ``(1 + inputs, n)``: one transform each."""
-    from scipy.fft import fft, ifft, next_fast_len
+def _slid(rows: ComplexArray, sums: ComplexArray, length: int) -> ComplexArray:
+    """Sums of the rows ``rows[0]`` under a Hann window of ``length`` samples sliding over them, in their place.
 
-    size = next_fast_len(watched.size + window.size - 1)
-    rows = np.vstack([watched[None].astype(np.complex128), turned])
-    first = (window.size - 1) // 2
-    return np.asarray(ifft(fft(rows, size) * fft(window, size), size)[:, first : first + watched.size])
+    The window is a constant and two exponentials, and a sum between two moments the difference of two running sums.
+
+    Parameters
+    ----------
+    rows, sums
+        Room for the products with these three and for their running sums, shapes ``(3, k, n)`` and ``(3, k, n + 1)``.
+    """
+    count, ahead = rows.shape[-1], (length - 1) // 2
+    behind, line = length - 1 - ahead, 2.0 * np.pi / (length + 1)
+    turn = _turning(line, count)
+    back = turn.conj()
+    np.multiply(rows[0], turn, out=rows[1])
+    np.multiply(rows[0], back, out=rows[2])
+    sums[..., 0] = 0.0
+    np.cumsum(rows, axis=-1, out=sums[..., 1:])
+    rows[..., : count - ahead] = sums[..., ahead + 1 :]
+    rows[..., count - ahead :] = sums[..., -1:]
+    rows[..., behind:] -= sums[..., : count - behind]
+    turn *= -0.25 * np.exp(-1j * line * (ahead + 1))
+    back *= -0.25 * np.exp(1j * line * (ahead + 1))
+    rows[0] *= 0.5
+    rows[0] += np.multiply(rows[1], back, out=rows[1])
+    rows[0] += np.multiply(rows[2], turn, out=rows[2])
+    return rows[0]
+
+
+def _turning(angle: float, count: int) -> ComplexArray:
+    """Turns by an angle from each sample to the next, ``exp(-j angle n)``, shape ``(n,)``: an outer product."""
+    width = math.isqrt(count) + 1
+    coarse = np.exp(-1j * angle * width * np.arange(-(-count // width)))
+    return np.asarray((coarse[:, None] * np.exp(-1j * angle * np.arange(width))).ravel()[:count])
 
 
 def _covered(window: FloatArray, samples: int) -> FloatArray:
