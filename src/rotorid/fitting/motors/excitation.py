@@ -8,12 +8,15 @@ two neighboring octaves or more, in those.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from rotorid.data.axes import RATES
+from rotorid.data.base import cached_by_value, read_only
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.speed import motor_speed
 from rotorid.typing import FloatArray
@@ -120,7 +123,8 @@ def excitations(
     >>> {axis: round(one.correlation, 1) for axis, one in excitations([record], levers)[0].items()}
     {'az': 0.0, 'p': 1.0, 'q': 0.0, 'r': 0.0}
     """
-    slow = [_of(record, levers, spin_up=spin_up) for record in records]
+    rows = tuple(map(tuple, levers.tolist()))
+    slow = [_of(record, rows, spin_up=spin_up) for record in records]
     shown = excited_axes(slow)
     lagging = any(record.between == "held" for record in records)
     hidden = set() if shown and lagging else set(RATES).difference(shown)
@@ -134,22 +138,25 @@ def excited_axes(found: Sequence[Mapping[str, Excitation]]) -> tuple[str, ...]:
     return tuple(axis for axis in _AXES if any(record[axis].counts for record in found))
 
 
-def _of(record: MotorRecord, levers: FloatArray, *, spin_up: bool) -> dict[str, Excitation]:
-    mixing = np.vstack([-np.ones(levers.shape[1]), levers])
-    moved = [_slow_part(row, record.sample_rate_hz) for row in (record.az[1:], *np.diff(record.rates, axis=1))]
+@cached_by_value
+def _of(record: MotorRecord, levers: tuple[tuple[float, ...], ...], *, spin_up: bool) -> Mapping[str, Excitation]:
+    rate_hz, rows = record.sample_rate_hz, np.array(levers)
+    mixing = np.vstack([-np.ones(rows.shape[1]), rows])
+    moved = [_slow_part(record.az[1:], rate_hz), *_slow_part(np.diff(record.rates, axis=1), rate_hz)]
     best = {axis: Excitation(0.0, _LAGS_S[0]) for axis in _AXES}
     for lag_s in _LAGS_S:
-        motors = motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / record.sample_rate_hz).level[:, 1:]
-        for axis, mix, motion in zip(_AXES, mixing, moved, strict=True):
-            rows = _made(mix @ np.asarray(motors, dtype=np.float64), spin_up=spin_up and axis == "r")
-            slow = np.stack([_slow_part(row, record.sample_rate_hz) for row in rows])
+        motors = motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / rate_hz).level[:, 1:]
+        for axis, made, motion in zip(_AXES, mixing @ _slow_part(motors, rate_hz), moved, strict=True):
+            slow = made[None]
+            if spin_up and axis == "r":
+                slow = _slow_part(np.stack(_made(mixing[-1] @ motors, spin_up=True)), rate_hz)
             correlation = _correlation(_positive_part(slow, motion), motion)
             opposed = min(best[axis].opposed, correlation)
             if correlation > best[axis].correlation:
                 best[axis] = Excitation(correlation, lag_s, opposed)
             else:
                 best[axis] = best[axis]._replace(opposed=opposed)
-    return best
+    return MappingProxyType(best)
 
 
 def _with_octaves(
@@ -224,18 +231,20 @@ def _best_in(
     return Excitation(found[lag_s], lag_s, band_hz=band_hz)
 
 
+@cache
 def slow_taps(sample_rate_hz: float) -> FloatArray:
     """Taps of a causal low-pass of :data:`SLOW_HZ`, as long as it rings."""
     from scipy.signal import butter, lfilter
 
     if sample_rate_hz <= 2.5 * SLOW_HZ:
-        return np.ones(1)
+        return read_only(np.ones(1), np.float64, ndim=1)
     b, a = butter(2, SLOW_HZ, fs=sample_rate_hz)
     impulse = np.zeros(max(8, round(sample_rate_hz / SLOW_HZ)))
     impulse[0] = 1.0
-    return np.asarray(lfilter(b, a, impulse), dtype=np.float64)
+    return read_only(lfilter(b, a, impulse), np.float64, ndim=1)
 
 
+@cache
 def band_taps(band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray:
     """Taps of a causal band-pass, as long as it rings."""
     from scipy.signal import butter, lfilter
@@ -243,7 +252,20 @@ def band_taps(band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray
     b, a = butter(2, band_hz, btype="bandpass", fs=sample_rate_hz)
     impulse = np.zeros(max(8, round(1.5 * sample_rate_hz / band_hz[0])))
     impulse[0] = 1.0
-    return np.asarray(lfilter(b, a, impulse), dtype=np.float64)
+    return read_only(lfilter(b, a, impulse), np.float64, ndim=1)
+
+
+def filtered(rows: FloatArray, taps: FloatArray) -> FloatArray:
+    """Rows behind a filter of some taps, from where it has filled, along the last axis: ``(..., n - taps + 1)``."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    if taps.size == 1:
+        return np.asarray(taps[0] * rows)
+    samples = rows.shape[-1]
+    # What wraps around falls on samples at which the filter has not filled.
+    size = next_fast_len(samples, real=True)
+    passed: FloatArray = irfft(rfft(rows, size) * rfft(taps, size), size)
+    return passed[..., taps.size - 1 : samples]
 
 
 def in_band(row: FloatArray, band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray:
@@ -276,15 +298,13 @@ def slow_correlation(rows: FloatArray, motion: FloatArray, sample_rate_hz: float
         Shape ``(n,)``.
     """
     slow = _slow_part(motion, sample_rate_hz)
-    return _correlation(_positive_part(np.stack([_slow_part(row, sample_rate_hz) for row in rows]), slow), slow)
+    return _correlation(_positive_part(_slow_part(rows, sample_rate_hz), slow), slow)
 
 
-def _slow_part(row: FloatArray, sample_rate_hz: float) -> FloatArray:
-    from scipy.signal import oaconvolve
-
-    found: FloatArray = np.asarray(oaconvolve(row - row.mean(), slow_taps(sample_rate_hz), mode="valid"))
-    centered: FloatArray = found - found.mean()
-    return centered
+def _slow_part(rows: FloatArray, sample_rate_hz: float) -> FloatArray:
+    """Motion up to 5 Hz about its mean, along the last axis."""
+    found = filtered(rows - rows.mean(axis=-1, keepdims=True), slow_taps(sample_rate_hz))
+    return np.asarray(found - found.mean(axis=-1, keepdims=True))
 
 
 def _positive_part(rows: FloatArray, motion: FloatArray) -> FloatArray:

@@ -33,7 +33,7 @@ from rotorid.data.base import read_only
 from rotorid.data.record import MotorRecord
 from rotorid.errors import UsageError
 from rotorid.fitting.least_squares import Solution
-from rotorid.fitting.motors.excitation import Excitation, excitations
+from rotorid.fitting.motors.excitation import Excitation, excitations, filtered
 from rotorid.fitting.motors.speed import MotorSpeed, measured_speed, motor_speed
 from rotorid.fitting.motors.translation import DRAG, Translation, between, shows_translation, translation
 from rotorid.fitting.problem import Part, Problem
@@ -55,10 +55,7 @@ class Filter(NamedTuple):
 
     def __call__(self, rows: FloatArray) -> FloatArray:
         """Filter the last axis; where the filter has not filled yet there is no value."""
-        from scipy.signal import oaconvolve
-
-        taps = self.taps.reshape((1,) * (rows.ndim - 1) + (-1,))
-        return np.asarray(oaconvolve(rows, taps / self.scale, mode="valid", axes=-1))
+        return filtered(rows, self.taps / self.scale)
 
 
 class Axis(NamedTuple):
