@@ -8,7 +8,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -157,8 +156,7 @@ class Refusing(Workers):
     def start(self, words: Any, folder: Path) -> Job:
         self.asked.append([*words])
         job = Job([*words], folder)
-        ended: Any = SimpleNamespace(returncode=2)
-        job.process = ended
+        job.code = 2
         job.end("refused", "rotorid: nothing was carried out.")
         return job
 

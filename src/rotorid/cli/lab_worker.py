@@ -7,9 +7,47 @@ import json
 import logging
 import math
 import sys
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 from rotorid.io.children import end_with_parent
+
+_COMMANDS = [f"cli.{name}" for name in ("app", "models", "response", "identify", "verify", "tune", "export", "review")]
+_NEEDED = (
+    "lab.tracks",
+    "documents.inspection",
+    "loops.responses",
+    "documents.response",
+    "report.response",
+    "identifying.cross_validation",
+    "identifying.identification",
+    "identifying.identify_many",
+    "identifying.motors",
+    "identifying.verification",
+    "search.multistart",
+    "simulation.linear_kernels",
+    "verification.kernels",
+    "documents.results",
+    "report.identification",
+    "documents.verify",
+    "report.verification",
+    "proposing.proposal",
+    "documents.tune",
+    "report.tune",
+    "exports.exporting",
+    "documents.export",
+    "documents.vehicle",
+    "reviewing.assembly",
+    "documents.review",
+    "report.review",
+    "report.files",
+    "report.publication",
+    "report.several",
+)
+"""Where the work of these commands is done; what they import on the way they import themselves."""
+
+_LIBRARIES = ("scipy.integrate", "scipy.ndimage", "scipy.signal", "jinja2", "rich.table")
 
 
 class _JsonProgress(logging.Handler):
@@ -35,13 +73,21 @@ class _JsonProgress(logging.Handler):
         sys.stderr.flush()
 
 
-def main() -> None:
+def prepare() -> None:
+    """Import what steps and readers of logs need, before anybody waits for them."""
+    for module in (*(f"rotorid.{name}" for name in (*_COMMANDS, *_NEEDED)), *_LIBRARIES):
+        import_module(module)
+
+
+def begin(words: Sequence[str]) -> None:
     """Limit this process, then do what the words say; whatever goes wrong is said in the last line."""
     from rotorid.cli.console import say
     from rotorid.errors import RotoridError
     from rotorid.lab.workers import EXIT_WITH_REASON
 
-    limits = json.loads(sys.argv.pop(1))
+    limits, *words = words
+    sys.argv = [sys.argv[0], *words]
+    limits = json.loads(limits)
     memory_bytes = limits["memory_bytes"]
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
@@ -55,7 +101,7 @@ def main() -> None:
     log.setLevel(logging.DEBUG)
     log.addHandler(_JsonProgress())
     try:
-        _do(sys.argv[1:])
+        _do(words)
     except RotoridError as error:
         say(f"rotorid: {error}")
         sys.exit(error.exit_code)
@@ -100,4 +146,4 @@ def _do(words: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(sys.argv[1:])

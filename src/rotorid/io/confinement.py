@@ -82,13 +82,25 @@ def confine(*, readable: Sequence[Path], writable: Path, limits: Mapping[str, in
     libc = _libc()
     if libc is None:
         return active | dict.fromkeys(("parent", "no_new_privileges", "files", "network", "processes"), False)
-    active["parent"] = libc.prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
-    if os.getppid() != parent:
-        # It has gone in the meantime.
-        os._exit(1)
+    active["parent"] = end_with(parent)
     active["no_new_privileges"] = libc.prctl(_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
     active["files"] = _landlock(libc, readable, [writable])
     active["processes"] = active["network"] = _filter_calls(libc)
+    return active
+
+
+def end_with(parent: int) -> bool:
+    """Let the system kill this process when its parent ends; whether it will.
+
+    Parameters
+    ----------
+    parent
+        Its number; where this process has another parent, that one has gone in the meantime, and this process ends.
+    """
+    libc = _libc()
+    active = libc is not None and libc.prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
+    if os.getppid() != parent:
+        os._exit(1)
     return active
 
 

@@ -1,8 +1,10 @@
 """Commands in processes of their own: limited in number, memory and time, with progress, ended at any moment.
 
-A worker is the command line itself (``python -m rotorid.cli.lab_worker``), so that its numbers are those of the
-terminal. It speaks in lines of JSON on standard error; its document is on standard output. What it does to itself, a
-crash included, reaches the page as a sentence and nothing else.
+A worker is the command line itself (:mod:`rotorid.cli.lab_worker`), so that its numbers are those of the terminal. It
+is a copy of a process that has its imports behind it, where the system can make copies; not where it is kept to some
+places, as that process is not, and must not load compiled code that such a worker left. It speaks in lines of JSON on
+standard error; its document is on standard output. What it does to itself, a crash included, reaches the page as a
+sentence and nothing else.
 """
 
 from __future__ import annotations
@@ -10,8 +12,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from typing import IO, Final, Literal, TypeAlias
 
 from rotorid.compiling import kept_apart
 from rotorid.errors import UsageError
-from rotorid.io.children import end_session
+from rotorid.io.copies import Program, Running
 
 State: TypeAlias = Literal["waiting", "running", "done", "refused", "failed", "canceled"]
 
@@ -41,6 +41,7 @@ _MOST_OUTPUT = 64 << 20
 """Largest standard output of a command."""
 
 _MOST_LINE = 1 << 16
+_PROGRAM = "rotorid.cli.lab_worker"
 _TEMPORARY = ("TMPDIR", "TEMP", "TMP", "MPLCONFIGDIR")
 _END_S = 10.0
 
@@ -55,7 +56,8 @@ class Job:
     doing: str = ""
     share: float | None = None
     sentence: str = ""
-    process: subprocess.Popen[bytes] | None = None
+    process: Running | None = None
+    code: int | None = None
     ended: threading.Event = field(default_factory=threading.Event)
     started_s: float = 0.0
     ended_s: float | None = None
@@ -105,6 +107,7 @@ class Workers:
     ) -> None:
         self._memory_bytes = memory_bytes
         self._places = places
+        self._program = Program(_PROGRAM, copied=places is None)
         self._free = most_running
         self._jobs: list[Job] = []
         self._changed = threading.Condition()
@@ -136,7 +139,7 @@ class Workers:
                 return
             job.state, job.sentence = "canceled", "It was canceled."
             if job.process is not None:
-                end_session(job.process)
+                job.process.end()
             elif job.started_s == 0.0:
                 job.end("canceled")
             self._changed.notify_all()
@@ -151,6 +154,7 @@ class Workers:
         last = time.monotonic() + _END_S
         for job in jobs:
             job.ended.wait(max(last - time.monotonic(), 0.0))
+        self._program.close()
 
     def _run(self, job: Job) -> None:
         """Wait for a place, then carry out a command that nobody canceled meanwhile."""
@@ -176,39 +180,52 @@ class Workers:
                 return
             # The private folder may be gone, and does not come back for a command.
             job.folder.mkdir(mode=0o700, exist_ok=True)
-            limits = {"memory_bytes": self._memory_bytes, **self._allowed(job.folder)}
-            with job.output.open("wb") as output:
-                job.process = process = subprocess.Popen(
-                    [sys.executable, "-m", "rotorid.cli.lab_worker", json.dumps(limits), *job.words],
-                    stdin=subprocess.DEVNULL,
-                    stdout=output,
-                    stderr=subprocess.PIPE,
-                    cwd=job.folder,
-                    env=None if self._places is None else _environment(job.folder),
-                    start_new_session=True,
-                )
+        said, says = os.pipe()
+        with open(said, "rb") as stream:  # noqa: PTH123
+            try:
+                process = self._started(job, says)
+            finally:
+                os.close(says)
+            self._follow(job, process, stream)
+
+    def _started(self, job: Job, stderr: int) -> Running:
+        limits = {"memory_bytes": self._memory_bytes, **self._allowed(job.folder)}
+        with job.output.open("wb") as output:
+            return self._program.start(
+                [json.dumps(limits), *job.words],
+                stdout=output.fileno(),
+                stderr=stderr,
+                folder=job.folder,
+                environment=None if self._places is None else _environment(job.folder),
+            )
+
+    def _follow(self, job: Job, process: Running, stream: IO[bytes]) -> None:
+        """Hand on what a command says until it ends, or has to."""
+        with self._changed:
+            job.process = process
+            if job.state == "canceled":
+                process.end()
         late = threading.Event()
 
         def end_late() -> None:
             late.set()
-            end_session(process)
+            process.end()
 
         clock = threading.Timer(WALL_S, end_late)
         clock.daemon = True
         clock.start()
         try:
-            with process:
-                assert process.stderr is not None
-                last = _listen(job, process.stderr)
+            last = _listen(job, stream)
+            job.code = process.wait()
         finally:
             clock.cancel()
-            end_session(process)
+            process.end()
         if late.is_set():
             job.end("failed", f"It was ended after {WALL_S / 60.0:g} minutes, the most that a command has.")
         elif job.output.stat().st_size > _MOST_OUTPUT:
             job.end("failed", "The answer is too large.")
         else:
-            job.end(*_how(process.returncode, last.removeprefix("rotorid: ")))
+            job.end(*_how(job.code, last.removeprefix("rotorid: ")))
 
     def _allowed(self, folder: Path) -> dict[str, list[str]]:
         if self._places is None:

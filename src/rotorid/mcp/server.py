@@ -293,8 +293,7 @@ def _state(job: Job, printed: Any) -> State:
     """How a call ended; gains that were judged are an answer, whatever the verdict."""
     if job.state == "canceled":
         return "canceled"
-    code = None if job.process is None else job.process.returncode
-    state = "failed" if job.state == "failed" or code is None else _STATES.get(code, "failed")
+    state = "failed" if job.state == "failed" or job.code is None else _STATES.get(job.code, "failed")
     judged = state == "not_enough_data" and isinstance(printed, dict) and (printed.get("judged") or {}).get("axes")
     return "done" if judged else state
 

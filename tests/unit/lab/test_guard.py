@@ -318,7 +318,7 @@ def test_a_killed_worker_is_said_and_nothing_else_is_lost(tmp_path: Path) -> Non
     job = workers.start(["demo", "--out", "out"], tmp_path / "job")
     while job.process is None:
         time.sleep(0.01)
-    job.process.kill()
+    job.process.end()
     assert job.ended.wait(10.0)
     assert job.state == "failed"
     assert "signal 9" in job.sentence

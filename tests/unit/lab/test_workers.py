@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -109,20 +108,17 @@ def test_what_stops_a_reader_is_said(
     wrong: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the worker's last line, not as the last line of a traceback."""
-    script = tmp_path / "rotorid_worker.py"
-    script.write_text(
+    (tmp_path / "failing_worker.py").write_text(
         "import sys\nfrom rotorid.cli import lab_worker\nimport rotorid.lab.tracks as tracks\n"
-        f"def fail(*_):\n    raise {wrong}\ntracks.write_tracks = fail\nlab_worker.main()\n",
+        f"def fail(*_):\n    raise {wrong}\ntracks.write_tracks = fail\nbegin = lab_worker.begin\n",
         encoding="utf-8",
     )
-    started = subprocess.Popen
-
-    def instead(command: list[str], **named: Any) -> Any:
-        return started([sys.executable, str(script), *command[3:]], **named)
-
-    monkeypatch.setattr(subprocess, "Popen", instead)
-    job = Workers().start(["read", "a", "b"], tmp_path / "job")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(lab_workers, "_PROGRAM", "failing_worker")
+    workers = Workers()
+    job = workers.start(["read", "a", "b"], tmp_path / "job")
     assert job.ended.wait(60.0)
+    workers.close()
     assert (job.state, job.sentence) == ("failed", sentence)
 
 
