@@ -171,6 +171,7 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         limit_sentences,
         margin_lines,
         missed_sentences,
+        moving_d_sentence,
         next_flight,
         stricter_sentence,
     )
@@ -202,6 +203,8 @@ def _print(document: TuneDocument, folder: Path, *, given: Sequence[Path], verbo
         line(f"look here: {missed}")
     if stricter := stricter_sentence(document):
         line(stricter)
+    if moving := moving_d_sentence(document):
+        line(moving)
     for choice in choice_lines(document):
         line(choice)
     for sentence in limit_sentences(document) if verbose and document.axes else ():
@@ -234,7 +237,7 @@ def _print_details(document: TuneDocument) -> None:
     from rich.table import Table
 
     from rotorid.report.frame import frequency_of
-    from rotorid.report.tune_words import balance_sentence, end_of, path_sentence
+    from rotorid.report.tune_words import balance_sentence, path_sentence
 
     console = output_console()
     for axis, tuning in document.axes.items():
@@ -247,8 +250,6 @@ def _print_details(document: TuneDocument) -> None:
         console.print(table)
         if balance := balance_sentence(axis, tuning):
             console.print(balance, highlight=False, markup=False)
-        if where := end_of(tuning):
-            console.print(f"D changes in flight; these margins are for {where}.", highlight=False, markup=False)
         if tuning.path:
             console.print(_path_table(axis, tuning, frequency_of([document.autopilot])))
             console.print(path_sentence(tuning.path, axis), highlight=False, markup=False)

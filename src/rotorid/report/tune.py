@@ -12,7 +12,7 @@ import numpy as np
 from rotorid.autopilots import named
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
-from rotorid.data.quantity import MISSING, Quantity, with_ends
+from rotorid.data.quantity import MISSING, Quantity
 from rotorid.data.trust import ROBUSTNESS, SAFE_PEAK
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
@@ -39,6 +39,7 @@ from rotorid.report.tune_words import (
     limiting,
     margin_lines,
     missed_sentences,
+    moving_d_sentence,
     next_flight,
     not_tuned,
     path_sentence,
@@ -128,7 +129,6 @@ class TunedAxis:
     path_sentence: str
     pictures: tuple[Picture, ...]
     filters: tuple[FilterPriceDocument, ...]
-    ends: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
     sliders: tuple[Slider, ...]
     by_hand: Picture
@@ -241,6 +241,7 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
         thrust=_thrust(document),
         limits=limit_sentences(document) if document.axes else (),
         stricter=stricter_sentence(document),
+        moving_d=moving_d_sentence(document),
         check_folder=check_folder,
         refused=bool(not_tuned(document)),
         unread=finding_rows(unread(document)),
@@ -499,7 +500,6 @@ def _axis(axis: LoopName, document: AxisTuneDocument, tuning: AxisTuning, scale:
         path_sentence=path_sentence(document.path, axis) if document.path else "",
         pictures=tuple(_pictures(axis, tuning, scale)),
         filters=tuple(document.filters),
-        ends=tuple((name, _format_quantity(end.get("sensitivity_peak"))) for name, end in document.ends.items()),
         notes=tuple(filter(None, (balance_sentence(axis, document), *document.notes))),
         # The page's own steps are those of an attitude.
         sliders=() if is_outer(axis) else _sliders(tuning),
@@ -516,11 +516,6 @@ def _cell(name: str, quantity: QuantityDocument | None) -> tuple[str, str]:
     if quantity is None or quantity.lower is None or quantity.upper is None:
         return _NOTHING
     return QUANTITIES[name].cells(quantity)
-
-
-def _format_quantity(peak: QuantityDocument | None) -> str:
-    """A peak in a sentence."""
-    return MISSING if peak is None else with_ends(peak.value, peak.lower, peak.upper)
 
 
 def _pictures(axis: LoopName, tuning: AxisTuning, scale: float | None) -> Sequence[Picture]:

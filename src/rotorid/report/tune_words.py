@@ -449,6 +449,23 @@ def end_of(tuning: AxisTuneDocument) -> str:
     return same[0] if len(same) == 1 else ""
 
 
+def moving_d_sentence(document: TuneDocument) -> str:
+    """For which D the margins are where it changes in flight, and M_s for its other end; empty where no D does."""
+    moving = {axis: tuning for axis, tuning in document.axes.items() if end_of(tuning)}
+    if not moving:
+        return ""
+    peaks: dict[str, list[str]] = {}
+    for axis, tuning in moving.items():
+        for end, figures in tuning.ends.items():
+            if end != end_of(tuning) and "sensitivity_peak" in figures:
+                text = margin_text("sensitivity_peak", figures["sensitivity_peak"])
+                peaks.setdefault(end, []).append(f"{text} in {axis}")
+    shown = listed(list(dict.fromkeys(map(end_of, moving.values()))))
+    new = " with the new gains" if any(tuning.changed for tuning in moving.values()) else ""
+    others = "".join(f" M_s of the rate loop{new} with {end}: {listed(texts)}." for end, texts in peaks.items())
+    return f"D of {listed([*moving])} changes in flight; these margins are for {shown}.{others}"
+
+
 def balance_sentence(axis: LoopName, tuning: AxisTuneDocument) -> str:
     """What D is worth beside P, in a sentence; empty for a loop without D."""
     which = "proposed" if tuning.changed else "flown"

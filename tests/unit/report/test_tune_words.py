@@ -21,6 +21,7 @@ from rotorid.report.tune_words import (
     limiting,
     margin_lines,
     missed_sentences,
+    moving_d_sentence,
     path_sentence,
     stricter_sentence,
     unread,
@@ -91,6 +92,18 @@ def test_a_stricter_limit_than_the_scale_is_explained() -> None:
     asked = tuned(50.0)
     asked.provenance.settings["robustness"] = 2.5
     assert not stricter_sentence(asked)
+
+
+def test_a_d_that_changes_in_flight_has_both_its_ends() -> None:
+    base = {"crossover_rad_s": quantity(80.0), "sensitivity_peak": quantity(2.0)}
+    top = {"crossover_rad_s": quantity(97.0), "sensitivity_peak": quantity(2.4)}
+    moving = SimpleNamespace(changed=False, proposed=base, ends={"D at its base": base, "D at its top": top})
+    still = SimpleNamespace(changed=True, proposed=base, ends={})
+    assert moving_d_sentence(of(roll=moving, yaw=still)) == (
+        "D of roll changes in flight; these margins are for D at its base. "
+        "M_s of the rate loop with D at its top: 2.40 (2.28 to 2.52) in roll."
+    )
+    assert moving_d_sentence(of(yaw=still)) == ""
 
 
 @pytest.mark.parametrize(
