@@ -239,9 +239,7 @@ def structure_evidence(problem: FrequencyProblem, limits: Bounds, theta: FloatAr
     main = [str(names[place]) for place in sorted(main_pairs(problem), key=lambda place: place[1])]
     residual, jacobian = problem.residuals(theta)
     normal = as_normal(residual, errors, problem.freedom)
-    return model_error_evidence(
-        limits.model_error, normal, jacobian, errors.covariance, main, asked=MEANINGLESS_STRUCTURE_ERROR
-    )
+    return model_error_evidence(limits.model_error, normal, jacobian, errors, main, asked=MEANINGLESS_STRUCTURE_ERROR)
 
 
 def judge_structure(

@@ -12,6 +12,7 @@ responses state them (:meth:`Problem.stated_errors`); records in time do not, an
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.errors import ModelError, UsageError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Minimum, Solution
 from rotorid.models.parameter import Parameter, ParameterSet
-from rotorid.typing import BoolArray, FloatArray, IntArray
+from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
 
 _SOLVER = LevenbergMarquardt()
 _FEW_STEPS = LevenbergMarquardt(iterations=10, tolerance=1e-6)
@@ -34,6 +35,9 @@ MODEL_ERROR = 0.01
 
 _OWN_SHARE = 0.1
 """Part of a point's own variance that no other point shares: measured covariances are not known better than that."""
+
+_ROOT_TWO = math.sqrt(2.0)
+"""A complex number of variance two has real and imaginary parts of variance one."""
 
 
 class Part(NamedTuple):
@@ -59,40 +63,126 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualErrors(Immutable):
-    """Covariance of the residuals of a problem from the errors of the data.
+    r"""Covariance of the residuals of a problem from the errors of the data.
+
+    Residuals are magnitudes and then phases of relative errors :math:`e`, each times a scale. Such an error is
+    circular: it turns as easily into a phase as into a magnitude, so that one complex matrix :math:`C = E[e e^H]` says
+    all, and half of its real and imaginary parts are the covariances of both. Its Cholesky factor takes a quarter of
+    the time of that of the residuals.
 
     Parameters
     ----------
-    covariance
-        Of the residuals, shape ``(2 n, 2 n)``.
+    relative
+        Covariance :math:`C` of the relative errors, shape ``(n, n)``.
     scale
         Factor from a relative error to each residual, shape ``(2 n,)``.
     """
 
-    covariance: FloatArray
+    relative: ComplexArray
     scale: FloatArray
 
     def __post_init__(self) -> None:
         self._set(
-            covariance=read_only(self.covariance, np.float64, ndim=2),
+            relative=read_only(self.relative, np.complex128, ndim=2),
             scale=read_only(self.scale, np.float64, ndim=1),
         )
 
     @cached_property
-    def root(self) -> FloatArray:
-        """Cholesky factor of the covariance with what no measured covariance knows, shape ``(2 n, 2 n)``."""
-        return np.asarray(np.linalg.cholesky(self.covariance + np.diag(self.own)))
+    def covariance(self) -> FloatArray:
+        """Of the residuals, shape ``(2 n, 2 n)``."""
+        real, cross = 0.5 * self.relative.real, -0.5 * self.relative.imag
+        total = np.block([[real, cross], [cross.T, real]])
+        return read_only(self.scale[:, None] * total * self.scale, np.float64, ndim=2)
+
+    @property
+    def variance(self) -> FloatArray:
+        """Of the residuals, shape ``(2 n,)``."""
+        return np.asarray(self.scale * np.tile(0.5 * self.relative.diagonal().real, 2) * self.scale)
 
     @property
     def own(self) -> FloatArray:
         """Variances of what no measured covariance knows, independent from residual to residual, shape ``(2 n,)``."""
-        return np.asarray(_OWN_SHARE * np.diag(self.covariance) + (MODEL_ERROR * self.scale) ** 2)
+        return np.asarray(_OWN_SHARE * self.variance + (MODEL_ERROR * self.scale) ** 2)
+
+    @cached_property
+    def whitening(self) -> Whitening:
+        """What makes residuals independent, whose errors have this covariance and what no measured one knows."""
+        return self.whitening_with(np.full(len(self.relative), MODEL_ERROR))
+
+    def whitening_with(self, own: FloatArray) -> Whitening:
+        """The same with another relative error of each point that no other point shares, shape ``(n,)``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            A residual has no weight, or its errors are wholly those of others.
+        """
+        from scipy.linalg import cholesky
+
+        if not self.scale.all():
+            raise np.linalg.LinAlgError("a residual without weight has no error to be measured by")
+        total = self.relative.copy()
+        total.flat[:: len(total) + 1] += _OWN_SHARE * self.relative.diagonal().real + 2.0 * own**2
+        return Whitening(cholesky(total, lower=True, overwrite_a=True, check_finite=False), self.scale)
 
     def whitened(self, values: FloatArray) -> FloatArray:
         """Residuals, or columns of a Jacobian, in units in which their errors have no correlation and variance one."""
+        return self.whitening.whitened(values)
+
+    def propagated(self, gain: FloatArray) -> FloatArray:
+        """Covariance of what a gain ``(p, 2 n)`` makes of residuals, shape ``(p, p)``."""
+        rows = as_complex((gain * self.scale).T)
+        return np.asarray(0.5 * (rows.conj().T @ self.relative @ rows).real)
+
+    def at(self, points: IntArray) -> ResidualErrors:
+        """Errors of some points."""
+        rows = np.concatenate([points, points + len(self.relative)])
+        return ResidualErrors(relative=self.relative[np.ix_(points, points)], scale=self.scale[rows])
+
+    def with_own(self, share: float) -> ResidualErrors:
+        """The same, where a further share of the variance of each point is its own."""
+        return replace(self, relative=self.relative + share * np.diag(self.relative.diagonal().real))
+
+
+def as_complex(values: FloatArray) -> ComplexArray:
+    """The first half of ``(2 n, ...)`` as real parts, the second as imaginary ones, shape ``(n, ...)``."""
+    real, imaginary = np.split(values, 2)
+    return real + 1j * imaginary
+
+
+class Whitening(NamedTuple):
+    """What takes residuals to units in which their errors have no correlation and variance one.
+
+    Parameters
+    ----------
+    root
+        Cholesky factor of the covariance of relative errors, shape ``(n, n)``.
+    scale
+        Factor from a relative error to each residual, shape ``(2 n,)``.
+    """
+
+    root: ComplexArray
+    scale: FloatArray
+
+    def whitened(self, values: FloatArray) -> FloatArray:
+        """Residuals ``(2 n,)``, or columns of a Jacobian ``(2 n, p)``, in these units."""
         from scipy.linalg import solve_triangular
 
-        return np.asarray(solve_triangular(self.root, values, lower=True, check_finite=False))
+        relative = as_complex((values.T / self.scale).T)
+        white = _ROOT_TWO * solve_triangular(self.root, relative, lower=True, check_finite=False)
+        return np.concatenate([white.real, white.imag])
+
+    def of_residuals(self, gain: FloatArray) -> FloatArray:
+        """From a gain ``(p, 2 n)`` that acts on residuals in these units to one that acts on residuals."""
+        from scipy.linalg import solve_triangular
+
+        rows = _ROOT_TWO * solve_triangular(self.root, as_complex(gain.T), lower=True, trans="C", check_finite=False)
+        return np.asarray(np.concatenate([rows.real, rows.imag]).T / self.scale)
+
+    @property
+    def log_determinant(self) -> float:
+        """Half the logarithm of the determinant of the covariance of the residuals."""
+        return float(np.sum(2.0 * np.log(self.root.diagonal().real) - math.log(2.0)) + np.sum(np.log(self.scale)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -532,7 +532,7 @@ def _late_lag(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[Kn
 
 def _fitted(plant: FrequencyResponse, sample_rate_hz: float, filters: tuple[KnownFilter, ...]) -> _Lag:
     points = ResponsePoints.of(plant, np.ones(plant.values.shape, dtype=bool), (0, 0))
-    points = replace(points, errors=_Errors(covariance=points.errors.covariance, scale=points.errors.scale))
+    points = replace(points, errors=_Errors(relative=points.errors.relative, scale=points.errors.scale))
     scale = float(np.sqrt(points.omega_rad_s[0] * points.omega_rad_s[-1]))
     lags = [
         DelayedLag(order=order, scale_rad_s=scale, hold="smooth", sample_s=1.0 / sample_rate_hz)
@@ -561,7 +561,7 @@ class _Errors(ResidualErrors):
 
     @cached_property
     def _inverse(self) -> FloatArray:
-        return np.asarray(np.linalg.inv(self.root))
+        return self.whitening.whitened(np.eye(self.scale.size))
 
     def whitened(self, values: FloatArray) -> FloatArray:
         return np.asarray(self._inverse @ values)

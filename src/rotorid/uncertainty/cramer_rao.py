@@ -32,7 +32,7 @@ from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import refusal
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import Solution
-from rotorid.fitting.problem import Part, Problem, ResidualErrors
+from rotorid.fitting.problem import Part, Problem
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.colored import colored_by_part, colored_covariance
 from rotorid.uncertainty.model_error import ModelError, model_error
@@ -212,14 +212,14 @@ def bounds(
     _, left_vectors, root = _inverse_root(problem, jacobian)
     gain = root @ left_vectors.T
     if weights == "covariance":
-        gain = _behind_whitening(errors, gain)
-    random = gain @ errors.covariance @ gain.T
+        gain = errors.whitening.of_residuals(gain)
+    random = errors.propagated(gain)
     total, found = random, None
     shapes = problem.error_shapes(solution.theta) if model_errors else None
     if shapes is not None:
-        about = problem.stated_errors(solution.theta, weights="covariance")
+        about = errors if weights == "covariance" else problem.stated_errors(solution.theta, weights="covariance")
         assert about is not None
-        found = model_error(shapes, residual, of_cost, about.covariance).at_least(least_model_errors or {})
+        found = model_error(shapes, residual, of_cost, about).at_least(least_model_errors or {})
         # A value at a bound says nothing of what else is in it.
         anything = ~np.isfinite(problem.box[0]) & ~np.isfinite(problem.box[1])
         found = found.as_parameters_show(gain, np.where(anything, solution.theta, np.nan), random)
@@ -233,13 +233,6 @@ def bounds(
         random=random,
         model_error=found,
     )
-
-
-def _behind_whitening(errors: ResidualErrors, gain: FloatArray) -> FloatArray:
-    """From a gain that acts on whitened residuals to one that acts on residuals."""
-    from scipy.linalg import solve_triangular
-
-    return np.asarray(solve_triangular(errors.root, gain.T, lower=True, trans=1, check_finite=False).T)
 
 
 def colored_of(parts: Sequence[Bounds]) -> float | None:

@@ -55,11 +55,8 @@ SMALLEST_MODEL_ERROR, LARGEST_MODEL_ERROR = 0.005, 0.3
 USUAL_MODEL_ERROR = 0.003
 """Half of the responses of a fit have a smaller model error than this, before their residuals are seen."""
 
-_OWN_SHARE = 0.1
 _OWN_ERRORS = (0.002, 0.005, 0.01, 0.02, 0.05)
-"""Least independent error of a measured covariance: a part of its variance, and a relative error chosen by the
-likelihood for each group.
-"""
+"""Relative errors, independent from point to point, of which the likelihood chooses one for each group."""
 
 _FOLLOWED = 1e-9
 _TYPICAL, _NORMAL = 0.75, 0.8693
@@ -141,7 +138,7 @@ class ModelError(Immutable):
         )
 
 
-def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray) -> ModelError:
+def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, errors: ResidualErrors) -> ModelError:
     r"""Sizes of model errors by what residuals say of them.
 
     With everything in units of the random error and outside of what the parameters can follow, columns X and residuals
@@ -154,8 +151,8 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
         What errors may look like.
     residual, jacobian
         Of the problem at its solution, shapes ``(n,)`` and ``(n, p)``.
-    covariance
-        Of the random errors in the residuals, shape ``(n, n)``.
+    errors
+        Random errors of the residuals.
 
     Examples
     --------
@@ -167,26 +164,27 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     >>> shapes = response_error_shapes(omega, nothing, nothing, np.ones(80), outputs=["p"], inputs=["roll"],
     ...                                clock_error_s=None)
     >>> residual = np.concatenate([0.05 * np.sin(3.0 * np.log(omega)), np.zeros(40)])
-    >>> found = model_error(shapes, residual, np.zeros((80, 0)), 1e-6 * np.eye(80))
+    >>> errors = ResidualErrors(relative=2e-6 * np.eye(40), scale=np.ones(80))
+    >>> found = model_error(shapes, residual, np.zeros((80, 0)), errors)
     >>> 0.01 < found.sizes["p/roll"] < 0.1, 0.01 < found.deviations["p/roll"] < 0.1
     (True, True)
     """
     own, start, tops = np.zeros(residual.size), np.zeros(len(shapes.names)), np.zeros(len(shapes.names))
-    scale = _scale_of(shapes, np.diag(covariance))
+    scale = _scale_of(shapes, errors.variance)
     for place in range(len(shapes.names)):
-        rows = np.flatnonzero(shapes.smooth[:, shapes.group == place].any(axis=1))
-        part = _part(shapes, place, rows)
+        points = np.flatnonzero(np.any(np.split(shapes.smooth[:, shapes.group == place].any(axis=1), 2), axis=0))
+        rows = np.concatenate([points, points + residual.size // 2])
+        part, here = _part(shapes, place, rows), errors.at(points)
         typical = _NORMAL * float(np.quantile(np.abs(residual[rows]) / scale[rows], _TYPICAL))
         tops[place] = np.clip(math.log(max(_LARGEST_SHARE * typical, SMALLEST_MODEL_ERROR)), _BOX[0] + 1e-6, _BOX[1])
         grid = np.linspace(_BOX[0], tops[place], _COARSE)
-        block = covariance[np.ix_(rows, rows)]
         tried = [
-            _coarse(_Likelihood.of(part, residual[rows], jacobian[rows], block, error * scale[rows]), grid)
+            _coarse(_Likelihood.of(part, residual[rows], jacobian[rows], here, error * scale[rows]), grid)
             for error in _OWN_ERRORS
         ]
         best = min(range(len(tried)), key=lambda which: tried[which][0])
         own[rows], start[place] = _OWN_ERRORS[best] * scale[rows], tried[best][1]
-    likelihood = _Likelihood.of(shapes, residual, jacobian, covariance, own)
+    likelihood = _Likelihood.of(shapes, residual, jacobian, errors, own)
     logs = likelihood.best(start, tops)
     columns = np.concatenate([shapes.smooth, shapes.known], axis=1)
     return ModelError(
@@ -236,20 +234,17 @@ class _Likelihood:
 
     @classmethod
     def of(
-        cls, shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, covariance: FloatArray, own: FloatArray
+        cls, shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, errors: ResidualErrors, own: FloatArray
     ) -> _Likelihood:
-        from scipy.linalg import solve_triangular
-
-        root = np.linalg.cholesky(covariance + np.diag(_OWN_SHARE * np.diag(covariance) + own**2))
-        stacked = np.concatenate([jacobian, shapes.smooth, shapes.known, residual[:, None]], axis=1)
-        white = solve_triangular(root, stacked, lower=True, check_finite=False)
+        whitening = errors.whitening_with((own / errors.scale)[: own.size // 2])
+        white = whitening.whitened(np.concatenate([jacobian, shapes.smooth, shapes.known, residual[:, None]], axis=1))
         slopes, nuisance_slopes = np.split(white, [jacobian.shape[1]], axis=1)
         length = np.linalg.norm(slopes, axis=0)
         left, singular, _ = np.linalg.svd(slopes / np.where(length > 0.0, length, 1.0), full_matrices=False)
         followed = singular > _FOLLOWED * singular.max(initial=0.0)
         nuisance_slopes = nuisance_slopes - left[:, followed] @ (left[:, followed].T @ nuisance_slopes)
         columns, rho = nuisance_slopes[:, :-1], nuisance_slopes[:, -1]
-        rest = np.log(np.diag(root)).sum() + np.log(singular[followed]).sum() + np.log(length[length > 0.0]).sum()
+        rest = whitening.log_determinant + np.log(singular[followed]).sum() + np.log(length[length > 0.0]).sum()
         member = _members(shapes.group, len(shapes.names), columns.shape[1])
         return cls(columns.T @ columns, columns.T @ rho, member, float(rest) + 0.5 * float(rho @ rho))
 
@@ -368,15 +363,14 @@ def as_normal(residual: FloatArray, errors: ResidualErrors, freedom: FloatArray)
     --------
     Five deviations of an error whose size three windows show are three of a known one:
 
-    >>> from rotorid.fitting.problem import ResidualErrors
-    >>> errors = ResidualErrors(covariance=1e-6 * np.eye(2), scale=np.ones(2))
+    >>> errors = ResidualErrors(relative=2e-6 * np.eye(1), scale=np.ones(2))
     >>> (as_normal(np.array([0.005, 0.0]), errors, np.array([4.0])) * 1e3).round(1).tolist()
     [2.8, 0.0]
     """
     magnitude, phase = np.split(_over(residual, errors.scale), 2)
     error = 1.0 - np.exp(-(magnitude + 1j * phase))
     plain = errors.scale * np.concatenate([error.real, error.imag])
-    ratio = np.sum(_over(plain**2, errors.covariance.diagonal()).reshape(2, -1), axis=0)
+    ratio = np.sum(_over(plain**2, errors.variance).reshape(2, -1), axis=0)
     known = np.isinf(freedom) | (ratio == 0.0)
     nu, q = np.where(known, 1.0, freedom), np.where(known, 1.0, ratio)
     return np.asarray(plain * np.tile(np.where(known, 1.0, np.sqrt(nu * np.log1p(q / nu) / q)), 2))
@@ -391,7 +385,7 @@ def model_error_evidence(
     found: ModelError,
     residual: FloatArray,
     jacobian: FloatArray,
-    covariance: FloatArray,
+    errors: ResidualErrors,
     names: Iterable[str],
     *,
     asked: float,
@@ -404,14 +398,14 @@ def model_error_evidence(
 
     Parameters
     ----------
-    found, residual, jacobian, covariance
+    found, residual, jacobian, errors
         Result and arguments of :func:`model_error`; residuals may be those of :func:`as_normal`.
     names
         Responses of interest; one that shares the size of another is left out.
     asked
         The size that the residuals ought to show, relative.
     """
-    doubtful = covariance + _OVERSTATED * np.diag(covariance.diagonal())
+    doubtful = errors.with_own(_OVERSTATED)
     found = model_error(found.shapes, residual, jacobian, doubtful)
     shapes, logs = found.shapes, np.log([found.sizes[name] for name in found.shapes.names])
     likelihood = _Likelihood.of(shapes, residual, jacobian, doubtful, found.scatter)

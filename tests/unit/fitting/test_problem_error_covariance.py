@@ -82,9 +82,10 @@ def test_weights_exist_also_where_outputs_err_alike(size: float) -> None:
     errors = posed(measured(EXACT, size=size)).errors
     lowest, highest = np.linalg.eigvalsh(errors.covariance)[[0, -1]]
     assert lowest >= -1e-12 * highest
-    assert np.isfinite(errors.root).all()
     total = errors.covariance + np.diag(errors.own)
-    np.testing.assert_allclose(errors.root @ errors.root.T, total, rtol=0.0, atol=1e-12 * highest)
+    root = np.linalg.inv(errors.whitened(np.eye(errors.scale.size)))
+    np.testing.assert_allclose(root @ root.T, total, rtol=0.0, atol=1e-12 * highest)
+    assert errors.whitening.log_determinant == pytest.approx(0.5 * np.linalg.slogdet(total)[1], rel=1e-12)
     # No weight is beyond what the error of the model itself leaves.
     assert np.linalg.eigvalsh(total)[0] >= (MODEL_ERROR * errors.scale.min()) ** 2
 
@@ -94,7 +95,7 @@ def test_weights_exist_where_inputs_are_wholly_correlated_too() -> None:
     alike[0, 1] = alike[0, 0]
     alike[1, 0] = alike[0, 0]
     errors = posed(replace(measured(EXACT, size=1.0), input_correlation=alike)).errors
-    assert np.isfinite(errors.root).all()
+    assert np.isfinite(errors.whitened(np.eye(errors.scale.size))).all()
 
 
 def test_whitened_residuals_have_the_covariance_that_is_measured_of_them() -> None:
@@ -106,7 +107,30 @@ def test_whitened_residuals_have_the_covariance_that_is_measured_of_them() -> No
     assert inside[-1] < 1.0
 
 
+def test_what_a_gain_makes_of_errors_is_the_product_written_out() -> None:
+    errors = posed(JOINED).errors
+    gain = np.random.default_rng(0).standard_normal((3, errors.scale.size)) / errors.scale
+    expected = gain @ errors.covariance @ gain.T
+    np.testing.assert_allclose(errors.propagated(gain), expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(errors.variance, errors.covariance.diagonal(), rtol=1e-14)
+    behind = gain @ errors.whitened(np.eye(errors.scale.size))
+    np.testing.assert_allclose(errors.whitening.of_residuals(gain), behind, rtol=0.0, atol=1e-12 * np.abs(behind).max())
+
+
+def test_some_points_have_the_errors_that_they_have_among_all() -> None:
+    errors, points = posed(JOINED).errors, np.array([3, 17, 40])
+    rows = np.concatenate([points, points + len(errors.relative)])
+    np.testing.assert_array_equal(errors.at(points).covariance, errors.covariance[np.ix_(rows, rows)])
+
+
+def test_a_residual_without_weight_cannot_weigh_others() -> None:
+    errors = ResidualErrors(relative=np.eye(1), scale=np.array([1.0, 0.0]))
+    with pytest.raises(np.linalg.LinAlgError):
+        errors.whitened(np.ones(2))
+
+
 def test_errors_are_values() -> None:
-    errors = ResidualErrors(covariance=np.eye(2), scale=np.ones(2))
-    with pytest.raises(ValueError, match="read-only"):
-        errors.covariance[0, 0] = 2.0
+    errors = ResidualErrors(relative=np.eye(1), scale=np.ones(2))
+    for values in (errors.relative, errors.covariance):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0, 0] = 2.0

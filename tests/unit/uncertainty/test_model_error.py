@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorid.fitting.frequency.error_shapes import response_error_shapes
-from rotorid.fitting.problem import ErrorShapes
+from rotorid.fitting.problem import ErrorShapes, ResidualErrors
 from rotorid.typing import FloatArray
 from rotorid.uncertainty.model_error import model_error, model_error_evidence
 
@@ -25,11 +25,17 @@ def shapes(column: FloatArray, *, largest: int) -> ErrorShapes:
     return replace(plain, known=column[:, None], largest=largest)
 
 
+def random_errors(variance: float, correlation: FloatArray | None = None) -> ResidualErrors:
+    """Errors of magnitudes and phases of one variance, correlated between points or not."""
+    relative = 2.0 * variance * (np.eye(OMEGA.size) if correlation is None else correlation)
+    return ResidualErrors(relative=relative, scale=np.ones(2 * len(relative)))
+
+
 def left(residual: FloatArray, column: FloatArray, *, largest: int = 1, jacobian: FloatArray | None = None) -> float:
     """Size that the column has at the end, as a share of what it may have."""
     count = residual.size
     slopes = np.zeros((count, 0)) if jacobian is None else jacobian
-    found = model_error(shapes(column, largest=largest), residual, slopes, NOISE**2 * np.eye(count))
+    found = model_error(shapes(column, largest=largest), residual, slopes, random_errors(NOISE**2))
     return float(np.linalg.norm(found.shapes.known) / np.linalg.norm(column))
 
 
@@ -68,7 +74,7 @@ def test_a_clock_counts_whole_whatever_residuals_show(steep: FloatArray, noise: 
 def test_a_model_error_is_certain_where_noise_would_not_make_it(size: float, level: float, certain: bool) -> None:
     noise = level * np.random.default_rng(3).standard_normal(2 * OMEGA.size)
     bend = np.concatenate([size * np.sin(2.0 * np.log(OMEGA)), np.zeros(OMEGA.size)])
-    given = (np.zeros((noise.size, 0)), level**2 * np.eye(noise.size))
+    given = (np.zeros((noise.size, 0)), random_errors(level**2))
     nothing = np.zeros(noise.size)
     found = model_error(shapes(nothing, largest=0), bend + noise, *given)
     said = model_error_evidence(found, bend + noise, *given, ["ax/pitch", "q/pitch"], asked=0.1)
@@ -83,7 +89,7 @@ def test_the_size_that_counts_is_a_mean_over_what_residuals_allow(steep: FloatAr
             shapes(steep, largest=0),
             factor * noise,
             np.zeros((noise.size, 0)),
-            (factor * NOISE) ** 2 * np.eye(noise.size),
+            random_errors((factor * NOISE) ** 2),
         )
         for factor in (0.1, 10.0)
     )
@@ -93,10 +99,9 @@ def test_the_size_that_counts_is_a_mean_over_what_residuals_allow(steep: FloatAr
 
 
 def test_a_parameter_that_shows_little_of_a_column_bounds_it(steep: FloatArray, noise: FloatArray) -> None:
-    count = noise.size
     jacobian = steep[:, None]
     gain = np.linalg.pinv(jacobian)
-    found = model_error(shapes(steep, largest=1), noise, jacobian, NOISE**2 * np.eye(count))
+    found = model_error(shapes(steep, largest=1), noise, jacobian, random_errors(NOISE**2))
     random = NOISE**2 * gain @ gain.T
 
     def share(value: float) -> float:
@@ -112,8 +117,8 @@ def test_a_parameter_that_shows_little_of_a_column_bounds_it(steep: FloatArray, 
 
 def size(residual: FloatArray, stated: float) -> float:
     """The model error that counts, of residuals whose random errors are said to have a size."""
-    nothing, count = np.zeros(residual.size), residual.size
-    found = model_error(shapes(nothing, largest=0), residual, np.zeros((count, 0)), stated**2 * np.eye(count))
+    nothing = np.zeros(residual.size)
+    found = model_error(shapes(nothing, largest=0), residual, np.zeros((residual.size, 0)), random_errors(stated**2))
     return found.deviations["ax/pitch"]
 
 
@@ -152,11 +157,11 @@ def test_errors_that_are_less_correlated_than_stated_are_no_model_error(seed: in
         inputs=["pitch", "roll"],
         clock_error_s=None,
     )
-    correlation = np.kron(np.eye(2), np.kron((1.0 - stated) * np.eye(2) + stated, np.eye(omega.size)))
+    correlation = np.kron((1.0 - stated) * np.eye(2) + stated, np.eye(omega.size))
     given = (
         level * np.random.default_rng(seed).standard_normal(count),
         np.zeros((count, 0)),
-        level**2 * correlation,
+        random_errors(level**2, correlation),
     )
     said = model_error_evidence(model_error(pair, *given), *given, pair.names, asked=0.1)
     assert max(one.found for one in said.values()) < 3.0

@@ -443,11 +443,7 @@ def residual_errors(
     if model is not None:
         data = _about(data, used, model)
     relative = _relative_covariance(data, *np.nonzero(used))
-    # The real and imaginary parts of a circular error: half of the covariance each, coupled by its imaginary part.
-    real, cross = 0.5 * relative.real, -0.5 * relative.imag
-    scale = np.concatenate(scales)
-    total = np.block([[real, cross], [cross.T, real]])
-    return ResidualErrors(covariance=scale[:, None] * total * scale, scale=scale)
+    return ResidualErrors(relative=relative, scale=np.concatenate(scales))
 
 
 def _about(data: FrequencyResponse, used: BoolArray, model: ComplexArray) -> FrequencyResponse:
@@ -470,8 +466,13 @@ def _relative_covariance(data: FrequencyResponse, output: IntArray, source: IntA
     values = data.values[output, source, point]
     level = np.sqrt(np.einsum("yuff->yuf", data.covariance).real)[output, source, point] / np.abs(values)
     phase = values / np.abs(values)
-    together = _between_points(data, output, source, point) * _between_outputs(data, output, source, point)
-    return np.asarray(together * level[:, None] * level / (phase[:, None] * phase.conj()))
+    # In place: a fit makes ten of these, of a million numbers each.
+    together = _between_points(data, output, source, point)
+    together *= _between_outputs(data, output, source, point)
+    together *= level[:, None]
+    together *= level
+    together /= phase[:, None] * phase.conj()
+    return together
 
 
 def _between_points(data: FrequencyResponse, output: IntArray, source: IntArray, point: IntArray) -> ComplexArray:

@@ -108,7 +108,7 @@ def solved(values: np.ndarray | None = None) -> tuple[ResidualErrors, FloatArray
 
 def test_bounds_are_those_of_generalized_least_squares_written_out() -> None:
     errors, jacobian, _, limits = solved()
-    inverse = np.linalg.inv(errors.root)
+    inverse = errors.whitened(np.eye(errors.scale.size))
     white = inverse @ errors.covariance @ inverse.T
     gain = np.linalg.solve(jacobian.T @ jacobian, jacobian.T)
     dense = gain @ white @ gain.T
