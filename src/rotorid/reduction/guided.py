@@ -288,7 +288,10 @@ def fit_and_drop(problem: FrequencyProblem) -> Reduced:
         trial = fit_frequency(smaller)
         rise = mean_cost(smaller, trial) - mean_cost(best, solution)
         missed = rise > LARGEST_RISE
-        away = 0.0 if missed and not _is_lead(best, name) else _distances(best, solution, model_errors=True)[name]
+        away = 0.0 if missed and not _is_lead(best, name) else _distances(best, solution)[name]
+        # Model errors bring it nearer to zero: they are looked for only where that could change the decision.
+        if (missed and away > 0.0) or away > CERTAIN:
+            away = _distances(best, solution, model_errors=True)[name]
         if away > CERTAIN or (missed and not 0.0 < away < CERTAIN_LEAD):
             kept.add(name)
             continue

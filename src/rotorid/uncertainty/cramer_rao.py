@@ -223,7 +223,7 @@ def bounds(
         # A value at a bound says nothing of what else is in it.
         anything = ~np.isfinite(problem.box[0]) & ~np.isfinite(problem.box[1])
         found = found.as_parameters_show(gain, np.where(anything, solution.theta, np.nan), random)
-        moved = gain @ found.root
+        moved = found.moved(gain)
         total = random + moved @ moved.T
     return Bounds(
         names=problem.parameters.free,

@@ -47,7 +47,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.fitting.problem import ErrorShapes, ResidualErrors
-from rotorid.typing import FloatArray, IntArray
+from rotorid.typing import BoolArray, FloatArray, IntArray
 
 SMALLEST_MODEL_ERROR, LARGEST_MODEL_ERROR = 0.005, 0.3
 """No sensor is better than the one; beyond the other nothing is described any more."""
@@ -108,6 +108,10 @@ class ModelError(Immutable):
         """Columns whose outer products sum to the covariance of all this, shape ``(n, k)``."""
         return np.concatenate([self.shapes.root(self.deviations), np.diag(self.scatter)], axis=1)
 
+    def moved(self, gain: FloatArray) -> FloatArray:
+        """What a gain ``(p, n)`` from residuals to parameters makes of these columns, shape ``(p, k)``."""
+        return np.concatenate([gain @ self.shapes.root(self.deviations), gain * self.scatter], axis=1)
+
     def as_parameters_show(self, gain: FloatArray, values: FloatArray, random: FloatArray) -> ModelError:
         """The same, where values of parameters bound the :attr:`~ErrorShapes.largest` columns.
 
@@ -125,7 +129,7 @@ class ModelError(Immutable):
             return self
         shifts = gain @ self.shapes.known[:, columns:]
         others = replace(self, shapes=replace(self.shapes, known=self.shapes.known[:, :columns], largest=0))
-        moved = gain @ others.root
+        moved = others.moved(gain)
         size = np.sqrt(values**2 + random.diagonal() + np.sum(moved**2, axis=1))
         with np.errstate(divide="ignore"):
             shown = np.nan_to_num(size[:, None] / np.abs(shifts), nan=1.0)
@@ -169,6 +173,13 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     >>> 0.01 < found.sizes["p/roll"] < 0.1, 0.01 < found.deviations["p/roll"] < 0.1
     (True, True)
     """
+    return _most_likely(shapes, residual, jacobian, errors)[0]
+
+
+def _most_likely(
+    shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray, errors: ResidualErrors
+) -> tuple[ModelError, _Likelihood, FloatArray]:
+    """The model error with the likelihood of its shapes, and the logarithms of the most likely sizes."""
     own, start, tops = np.zeros(residual.size), np.zeros(len(shapes.names)), np.zeros(len(shapes.names))
     scale = _scale_of(shapes, errors.variance)
     for place in range(len(shapes.names)):
@@ -187,29 +198,34 @@ def model_error(shapes: ErrorShapes, residual: FloatArray, jacobian: FloatArray,
     likelihood = _Likelihood.of(shapes, residual, jacobian, errors, own)
     logs = likelihood.best(start, tops)
     columns = np.concatenate([shapes.smooth, shapes.known], axis=1)
-    return ModelError(
-        shapes=shapes.with_shares(likelihood.shares(logs)[columns.shape[1] - shapes.largest :]),
+    shares = np.ones(columns.shape[1])
+    shares[shares.size - shapes.largest :] = likelihood.shares(logs)[shares.size - shapes.largest :]
+    found = ModelError(
+        shapes=shapes.with_shares(shares[shares.size - shapes.largest :]),
         sizes=dict(zip(shapes.names, map(float, np.exp(logs)), strict=True)),
         deviations=dict(zip(shapes.names, likelihood.mean_sizes(logs, tops), strict=True)),
         scatter=own,
         expected=columns @ likelihood.expected(logs),
     )
+    return found, likelihood.with_shares(shares), logs
 
 
 def _part(shapes: ErrorShapes, place: int, rows: IntArray) -> ErrorShapes:
-    """One group alone, with the clocks at its residuals."""
-    columns = shapes.group == place
+    """One group alone, with what is known at its residuals."""
+    columns, known = shapes.group == place, shapes.known[rows]
     return ErrorShapes(
         names=(shapes.names[place],),
         smooth=shapes.smooth[np.ix_(rows, np.flatnonzero(columns))],
         group=np.zeros(int(columns.sum()), dtype=np.int64),
-        known=shapes.known[rows],
+        known=known[:, known.any(axis=0)],
     )
 
 
 def _coarse(likelihood: _Likelihood, grid: FloatArray) -> tuple[float, float]:
     """The best of some sizes of a single group, its value first."""
-    return min((likelihood.value(np.array([size])), float(size)) for size in grid)
+    rest, gains = likelihood.along(np.zeros(1), likelihood.member[0] > 0.0, grid)
+    best = int(np.argmax(gains))
+    return rest - float(gains[best]), float(grid[best])
 
 
 def _scale_of(shapes: ErrorShapes, variance: FloatArray) -> FloatArray:
@@ -251,23 +267,22 @@ class _Likelihood:
     def _sizes(self, logs: FloatArray) -> FloatArray:
         return np.asarray(np.exp(logs @ self.member))
 
-    def value(self, logs: FloatArray) -> float:
-        """It alone, in a third of the time."""
-        return self._solved(logs)[0]
-
     def __call__(self, logs: FloatArray) -> tuple[float, FloatArray]:
         from scipy.linalg.lapack import dpotri
 
         value, root, x = self._solved(logs)
-        inverse = dpotri(root, lower=1)[0]
+        inverse = dpotri(root, lower=1, overwrite_c=1)[0]
         return value, self.member @ (1.0 - np.diag(inverse) - x**2)
 
     def _solved(self, logs: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         from scipy.linalg.lapack import dpotrf, dpotrs
 
         D = self._sizes(logs)
+        total = D[:, None] * self.S * D
+        total.flat[:: D.size + 1] += 1.0
         # A search comes here hundreds of times: one triangle gives determinant, solution and diagonal of the inverse.
-        root, failed = dpotrf(np.eye(D.size) + D[:, None] * self.S * D, lower=1)
+        # It is symmetric, so that its transpose has the order of LAPACK and needs no copy.
+        root, failed = dpotrf(total.T, lower=1, overwrite_a=1)
         if failed:
             raise np.linalg.LinAlgError("model errors of no finite size")
         x = dpotrs(root, D * self.y, lower=1)[0]
@@ -282,29 +297,46 @@ class _Likelihood:
         found = minimize(self, start, jac=True, method="L-BFGS-B", bounds=box)
         return np.clip(found.x, _BOX[0], tops)
 
-    def mean_sizes(self, logs: FloatArray, tops: FloatArray) -> list[float]:
-        r"""Root mean square of each size over its posterior, given the most likely sizes of all others.
+    def along(self, logs: FloatArray, own: BoolArray, grid: FloatArray) -> tuple[float, FloatArray]:
+        r"""It over the size of one group, given the sizes of all others: a constant, and what each size takes off.
 
-        With the other columns marginalized, :math:`S_{kk \mid o} = V \Lambda V^T` and :math:`v = V^T y_{k \mid o}`, the
-        logarithm of the likelihood is :math:`-\frac12 \sum \ln(1 + a^2 \lambda_i) + \frac12 \sum a^2 v_i^2 / (1 +
-        a^2 \lambda_i)`.
+        With the other columns marginalized, :math:`S_{kk \mid o} = V \Lambda V^T` and :math:`v = V^T y_{k \mid o}`, a
+        size takes off :math:`\frac12 \sum a^2 v_i^2 / (1 + a^2 \lambda_i) - \frac12 \sum \ln(1 + a^2 \lambda_i)`.
+
+        Parameters
+        ----------
+        logs
+            Logarithms of the sizes; that of the group does not count.
+        own
+            Columns of the group.
+        grid
+            Logarithms of its sizes.
         """
-        D, found = self._sizes(logs), []
+        size = self._sizes(logs)[~own]
+        inner = np.eye(size.size) + size[:, None] * self.S[np.ix_(~own, ~own)] * size
+        cross, y = size[:, None] * self.S[np.ix_(~own, own)], size * self.y[~own]
+        explained = np.linalg.solve(inner, np.column_stack([cross, y]))
+        roots, vectors = np.linalg.eigh(self.S[np.ix_(own, own)] - cross.T @ explained[:, :-1])
+        squares = (vectors.T @ (self.y[own] - cross.T @ explained[:, -1])) ** 2
+        power = np.exp(2.0 * grid)[:, None]
+        inside = 1.0 + power * np.maximum(roots, 0.0)
+        rest = self.rest + 0.5 * float(np.linalg.slogdet(inner)[1]) - 0.5 * float(y @ explained[:, -1])
+        return rest, 0.5 * np.sum(power * squares / inside - np.log(inside), axis=1)
+
+    def mean_sizes(self, logs: FloatArray, tops: FloatArray) -> list[float]:
+        """Root mean square of each size over its posterior, given the most likely sizes of all others."""
+        found = []
         for own, top in zip(self.member > 0.0, tops.tolist(), strict=True):
-            size = D[~own]
-            inner = np.eye(size.size) + size[:, None] * self.S[np.ix_(~own, ~own)] * size
-            cross = size[:, None] * self.S[np.ix_(~own, own)]
-            explained = np.linalg.solve(inner, np.column_stack([cross, size * self.y[~own]]))
-            roots, vectors = np.linalg.eigh(self.S[np.ix_(own, own)] - cross.T @ explained[:, :-1])
-            squares = (vectors.T @ (self.y[own] - cross.T @ explained[:, -1])) ** 2
             grid = np.linspace(_BOX[0], top, _FINE)
-            power = np.exp(2.0 * grid)[:, None]
-            inside = 1.0 + power * np.maximum(roots, 0.0)
-            chance = 0.5 * np.sum(power * squares / inside - np.log(inside), axis=1)
-            chance += grid - np.log1p(np.exp(2.0 * (grid - math.log(USUAL_MODEL_ERROR))))
+            chance = self.along(logs, own, grid)[1] + grid
+            chance -= np.log1p(np.exp(2.0 * (grid - math.log(USUAL_MODEL_ERROR))))
             weight = np.exp(chance - chance.max())
-            found.append(float(np.sqrt(weight @ power[:, 0] / weight.sum())))
+            found.append(float(np.sqrt(weight @ np.exp(2.0 * grid) / weight.sum())))
         return found
+
+    def with_shares(self, shares: FloatArray) -> _Likelihood:
+        """The same, where each column has a share of its size, shape ``(k,)``."""
+        return replace(self, S=shares[:, None] * self.S * shares, y=shares * self.y)
 
     def expected(self, logs: FloatArray) -> FloatArray:
         """Most likely factors of all columns."""
@@ -405,10 +437,8 @@ def model_error_evidence(
     asked
         The size that the residuals ought to show, relative.
     """
-    doubtful = errors.with_own(_OVERSTATED)
-    found = model_error(found.shapes, residual, jacobian, doubtful)
-    shapes, logs = found.shapes, np.log([found.sizes[name] for name in found.shapes.names])
-    likelihood = _Likelihood.of(shapes, residual, jacobian, doubtful, found.scatter)
+    found, likelihood, logs = _most_likely(found.shapes, residual, jacobian, errors.with_own(_OVERSTATED))
+    shapes = found.shapes
     said = {}
     for name in names:
         if name not in shapes.names:

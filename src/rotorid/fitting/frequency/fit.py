@@ -25,6 +25,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from rotorid.data.base import cached_by_value
 from rotorid.data.trust import ACCEPTABLE_COST
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.frequency.pole_order import with_faster_motor
@@ -321,6 +322,7 @@ def weights_of(
     return "covariance" if np.count_nonzero(problem.used.any(axis=(1, 2))) > 1 else "cifer"
 
 
+@cached_by_value
 def refine(problem: FrequencyProblem, solution: Solution) -> Solution:
     """Continue a fit from its solution in CIFER's cost to the one of least variance.
 
