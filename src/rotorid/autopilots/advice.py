@@ -63,11 +63,11 @@ def absence(record: FlightRecord, *channels: str) -> str:
     return "in the log, but not read" if unread_words(record.unread, channels) else "not logged"
 
 
-def channel_advice(record: FlightRecord, name: str) -> str:
+def channel_advice(record: FlightRecord, name: str, otherwise: str = "log it, or name its source with --map") -> str:
     """What to do about a channel that a log lacks: where the user chooses what is logged, which field holds it."""
     known = unread_words(record.unread, (name,))
     chosen = autopilot_of(record).log.fields_chosen
-    return known or (logging_advice(record, 0.0, (name,)) if chosen else "") or "log it, or name its source with --map"
+    return known or (logging_advice(record, 0.0, (name,)) if chosen else "") or otherwise
 
 
 def sensor_advice(record: FlightRecord, rate_hz: float) -> str:

@@ -21,7 +21,14 @@ from functools import partial
 
 import numpy as np
 
-from rotorid.autopilots.advice import gap_advice, logging_advice, raw_gyro_advice, wind_advice
+from rotorid.autopilots.advice import (
+    channel_advice,
+    gap_advice,
+    logging_advice,
+    motor_advice,
+    raw_gyro_advice,
+    wind_advice,
+)
 from rotorid.autopilots.px4.versions import firmware_shown, topic_of
 from rotorid.autopilots.registry import autopilot_of, writer_of
 from rotorid.data.display import listed
@@ -161,14 +168,14 @@ def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quanti
     numbers = dict(battery_voltages(record, flights))
     if not numbers:
         why = "Battery voltage is not logged in the air."
-        return {}, [Unavailable(what="flight.battery", why=why, remedy="turn on the battery monitor")]
+        remedy = channel_advice(record, "battery_voltage", "turn on the battery monitor")
+        return {}, [Unavailable(what="flight.battery", why=why, remedy=remedy)]
     time_s, volts = in_air(record, "battery_voltage", flights)
     stamps, amperes = in_air(record, "battery_current", flights)
     if stamps.size < 20 or float(np.percentile(amperes, 90)) < _LEAST_CURRENT_A:
         why = "Battery current is not logged."
-        return numbers, [
-            Unavailable(what="flight.battery.resistance_ohm", why=why, remedy="turn on the current sensor")
-        ]
+        remedy = channel_advice(record, "battery_current", "turn on the current sensor")
+        return numbers, [Unavailable(what="flight.battery.resistance_ohm", why=why, remedy=remedy)]
     found = _resistance(time_s, volts, stamps, amperes)
     if found is None:
         why = "Current and voltage did not change together."
@@ -236,9 +243,8 @@ def _thrust(
     found = hover_of(record, flights)
     if found is None:
         why = "Neither thrust nor motors are logged."
-        return (None, None), [
-            Unavailable(what=f"flight.{part}", why=why) for part in ("hover_throttle", "thrust_to_weight")
-        ]
+        remedy, parts = motor_advice(record), ("hover_throttle", "thrust_to_weight")
+        return (None, None), [Unavailable(what=f"flight.{part}", why=why, remedy=remedy) for part in parts]
     unavailable: list[Unavailable] = []
     if found.hovering is None:
         why = f"The log contains {found.steady_s} s of quiet hover; {FEWEST_SECONDS} s are needed."
