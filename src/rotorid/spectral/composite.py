@@ -15,7 +15,7 @@ matrix.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -23,7 +23,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rotorid.data.response import Disturbance
-from rotorid.spectral.conditioning import Conditioned, ConditionedResponse, OutputSpectra, condition
+from rotorid.spectral.conditioning import (
+    Conditioned,
+    ConditionedResponse,
+    OutputSpectra,
+    condition,
+    instrument_coherence,
+)
 from rotorid.spectral.errors import (
     compacted,
     density_freedom,
@@ -201,9 +207,9 @@ def compose_by_least_squares(pairs: PairSpectra, weights: FloatArray) -> PairSpe
         slope = np.stack([-coherence / x[0], -coherence / x[1], 2.0 * x[2] / (x[0] * x[1]), 2.0 * x[3] / (x[0] * x[1])])
         misfit = total * coherence - sum_ratio
         gradient = total * x - pull + _COHERENCE_WEIGHT * slope * misfit
-        hessian = np.einsum("if,jf->fij", slope, slope) * (_COHERENCE_WEIGHT * total)[:, None, None]
-        hessian += np.eye(4) * total[:, None, None]
-        step = np.linalg.solve(hessian, gradient.T[..., None])[..., 0].T
+        # The matrix of the normal equations is total (1 + 5 slope slope'), whose inverse is known.
+        along = _COHERENCE_WEIGHT * np.sum(slope * gradient, axis=0)
+        step = (gradient - slope * (along / (1.0 + _COHERENCE_WEIGHT * np.sum(slope**2, axis=0)))) / total
         # Windows of hardly any coherence contradict each other wildly; short steps keep such points near their start.
         x = x - np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
         x[:2] = np.maximum(x[:2], _LEAST_SHARE)
@@ -304,14 +310,37 @@ class Composer:
         whole response with it, shape ``(u, f)``, as if it were still there.
         """
         parts = [condition(window, output) for window, output in zip(self.windows, spectra, strict=True)]
-        columns = [
-            self._compose_frequency(parts, index, draft, 0.0 if known is None else known[index])
-            for index in range(len(self.windows[0].inputs))
-        ]
-        values, coherence, error, covariance, share, single, weak_instrument = (
-            np.stack(arrays) for arrays in zip(*columns, strict=True)
+        power = self._padded([window.input_power for window in self.windows], 1.0).real
+        response = self._padded([part.response for part in parts], 1.0)
+        response = response if known is None else response + known
+        noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
+        pairs = PairSpectra(
+            input_auto=power, output_auto=np.abs(response) ** 2 * power + noise[:, None], cross=response * power
         )
-        mean = share.mean(axis=0)
+        single = random_error(pairs.coherence, self._averages, overlap=self.spectra.overlap)
+        weights = window_weights(np.hypot(single, self._left_over[:, None]), self._valid[:, None])
+        compose = compose_by_weights if self.composition == "weights" else compose_by_least_squares
+        total = compose(pairs, weights)
+        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
+        share = weights ** (2 if self.composition == "weights" else 1) * power
+        share = share / share.sum(axis=0)
+        values, coherence = total.response, np.clip(total.coherence, 0.0, 1.0)
+        if draft:
+            error = random_error(coherence, np.sum(share * self._averages, axis=0), overlap=self.spectra.overlap)
+            covariance, weak_instrument = np.zeros((len(error), 0), dtype=np.complex128), np.ones_like(error)
+        else:
+            if self.composition == "minimum_variance":
+                share = self._best_shares(noise, np.abs(values))
+                values, coherence = np.sum(share * response, axis=0), np.sum(share * pairs.coherence, axis=0)
+            if not self._direct:
+                each = [instrument_coherence(*both) for both in zip(self.windows, spectra, strict=True)]
+                coherence = np.sum(share * self._padded(each, 0.0).real, axis=0)
+            coherence = np.clip(coherence, 0.0, 1.0)
+            columns = [self._covariance(parts, index, share[:, index], noise) for index in range(len(values))]
+            covariance, weak_instrument = (np.stack(arrays) for arrays in zip(*columns, strict=True))
+            error = np.sqrt(0.5 * np.einsum("uff->uf", covariance).real) / np.abs(values)
+            error = np.minimum(error, _LARGEST_PUBLISHED_ERROR)
+        mean = share.mean(axis=1)
         explained = 1.0 - np.sum(mean * self._padded([part.noise for part in parts], 0.0).real, axis=0) / np.sum(
             mean * self._padded([output.auto for output in spectra], 1.0).real, axis=0
         )
@@ -320,8 +349,8 @@ class Composer:
             coherence=coherence,
             random_error=error,
             covariance=covariance,
-            share=share,
-            window_error=single,
+            share=share.swapaxes(0, 1),
+            window_error=np.where(self._valid[:, None], single, np.nan).swapaxes(0, 1),
             multiple_coherence=explained,
             weak_instrument=weak_instrument,
         )
@@ -330,56 +359,29 @@ class Composer:
     def _direct(self) -> bool:
         return self.windows[0].instruments == self.windows[0].inputs
 
-    def _compose_frequency(
-        self, parts: Sequence[Conditioned], index: int, draft: bool, known: ComplexArray | float
-    ) -> tuple[ComplexArray, FloatArray, FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
-        power = self._padded([window.input_power[index] for window in self.windows], 1.0).real
-        response = self._padded([part.response[index] for part in parts], 1.0) + known
-        noise = self._padded([part.noise / left for part, left in zip(parts, self.left, strict=True)], 1.0).real
-        pairs = PairSpectra(input_auto=power, output_auto=np.abs(response) ** 2 * power + noise, cross=response * power)
-        single = random_error(pairs.coherence, self._averages, overlap=self.spectra.overlap)
-        weights = self._weights(single)
-        compose = compose_by_weights if self.composition == "weights" else compose_by_least_squares
-        total = compose(pairs, weights)
-        # Least squares weigh the windows once, the weighted mean by the squares of the same weights.
-        share = weights ** (2 if self.composition == "weights" else 1) * power
-        share = share / share.sum(axis=0)
-        values, coherence = total.response, total.coherence
-        if self.composition == "minimum_variance" and not draft:
-            share = self._best_share(index, noise, np.abs(values))
-            values, coherence = np.sum(share * response, axis=0), np.sum(share * pairs.coherence, axis=0)
-        if not self._direct:
-            instrument_coherence = self._padded([part.instrument_coherence[index] for part in parts], 0.0).real
-            coherence = np.sum(share * instrument_coherence, axis=0)
-        coherence = np.clip(coherence, 0.0, 1.0)
-        single = np.where(self._valid, single, np.nan)
-        if draft:
-            averages = np.sum(share * self._averages, axis=0)
-            error = random_error(np.clip(total.coherence, 0.0, 1.0), averages, overlap=self.spectra.overlap)
-            return values, coherence, error, np.zeros(0, dtype=np.complex128), share, single, np.ones_like(error)
-        covariance, weak_instrument = self._covariance(parts, index, share, _smooth(np.sum(share * noise, axis=0)))
-        spread = np.sqrt(0.5 * np.einsum("ff->f", covariance).real) / np.abs(values)
-        return (
-            values,
-            coherence,
-            np.minimum(spread, _LARGEST_PUBLISHED_ERROR),
-            covariance,
-            share,
-            single,
-            weak_instrument,
-        )
+    def _best_shares(self, noise: FloatArray, size: FloatArray) -> FloatArray:
+        """Shares of the least error, from how a disturbance at each moment enters each window's estimate.
 
-    def _best_share(self, index: int, noise: FloatArray, size: FloatArray) -> FloatArray:
-        """Shares of the least error, from how a disturbance at each moment enters each window's estimate."""
-        reached = self._influences[index]
-        together = np.einsum("wfm,vfm->fwv", reached, reached.conj(), optimize=True).real
-        bias = (self._left_over * size).T
+        Parameters
+        ----------
+        noise, size
+            Of each window, and of the response to each input, shapes ``(w, f)`` and ``(u, f)``.
+        """
+        bias = (self._left_over[:, None] * size).transpose(1, 2, 0)
         level = np.sqrt(np.stack([_smooth(row) for row in noise]) * self._moment_s).T
-        covariance = together * level[:, :, None] * level[:, None, :] + bias[:, :, None] * bias[:, None, :]
-        return minimum_variance_share(covariance, self._valid)
+        covariance = self._together * level[:, :, None] * level[:, None, :] + bias[..., :, None] * bias[..., None, :]
+        inputs, count, windows = bias.shape
+        valid = np.tile(self._valid, (1, inputs))
+        share = minimum_variance_share(covariance.reshape(-1, windows, windows), valid)
+        return share.reshape(windows, inputs, count)
 
-    def _weights(self, error: FloatArray) -> FloatArray:
-        return window_weights(np.hypot(error, self._left_over), self._valid)
+    @cached_property
+    def _together(self) -> FloatArray:
+        """Products of the windows' influences for every input, shape ``(u, f, w, w)``."""
+        products = [
+            np.einsum("wfm,vfm->fwv", reached, reached.conj(), optimize=True).real for reached in self._influences
+        ]
+        return np.stack(products)
 
     @cached_property
     def _left_over(self) -> FloatArray:
@@ -398,7 +400,7 @@ class Composer:
 
     @cached_property
     def _averages(self) -> FloatArray:
-        return np.array([window.matrix.averages for window in self.windows])[:, None]
+        return np.array([window.matrix.averages for window in self.windows])[:, None, None]
 
     @cached_property
     def left(self) -> tuple[FloatArray, ...]:
@@ -408,9 +410,10 @@ class Composer:
         return tuple(residual_share(window, self.spectra.taper) for window in self.windows)
 
     def _padded(self, arrays: Sequence[FloatArray | ComplexArray], fill: float) -> ComplexArray:
-        padded = np.full((len(arrays), self.omega_rad_s.size), fill, dtype=np.complex128)
+        """Arrays ``(..., f)`` of the windows on the grid of the longest one, shape ``(w, ..., f)``."""
+        padded = np.full((len(arrays), *arrays[0].shape[:-1], self.omega_rad_s.size), fill, dtype=np.complex128)
         for row, array in zip(padded, arrays, strict=True):
-            row[row.size - array.size :] = array
+            row[..., row.shape[-1] - array.shape[-1] :] = array
         return padded
 
     @cached_property
@@ -450,18 +453,25 @@ class Composer:
         """
         inputs, count = share.shape[0], int(np.count_nonzero(points))
         products = np.zeros((inputs * count, inputs * count), dtype=np.complex128)
-        for stretch in self._stretches:
-            reached = [
-                np.einsum("wf,wfm->fm", share[index][:, points], self._reached(index, *stretch)[:, points])
-                for index in range(inputs)
+        for reached in self._influences_by_stretch():
+            weighed = [
+                np.einsum("wf,wfm->fm", share[index][:, points], reached[index][:, points]) for index in range(inputs)
             ]
-            together = np.concatenate(reached)
+            together = np.concatenate(weighed)
             products += together @ together.conj().T
         omega = np.tile(self.omega_rad_s[points], inputs)
         products *= np.sinc(0.5 * (omega[:, None] - omega) * self._moment_s / np.pi)
         level = np.sqrt(np.einsum("nn->n", products).real)
         shape = (inputs, count, inputs, count)
         return np.asarray(np.moveaxis((products / (level[:, None] * level)).reshape(shape), 2, 1))
+
+    def _influences_by_stretch(self) -> Iterator[Sequence[ComplexArray]]:
+        """Influences of every input, not compacted, over adjoining stretches of time, each ``(w, f, moments)``."""
+        if self._influences[0].shape[-1] == self.spectra.blocks * self._moments:
+            yield self._influences
+            return
+        for stretch in self._stretches:
+            yield [self._reached(index, *stretch) for index in range(len(self._influences))]
 
     @property
     def _stretches(self) -> list[tuple[int, int]]:
@@ -482,14 +492,15 @@ class Composer:
         self, parts: Sequence[Conditioned], index: int, share: FloatArray, noise: FloatArray
     ) -> tuple[ComplexArray, FloatArray]:
         total = np.einsum("wf,wfm->fm", share, self._influences[index])
-        covariance = response_covariance([total], self.omega_rad_s, noise, self._moment_s)
+        level = _smooth(np.sum(share * noise, axis=0))
+        covariance = response_covariance([total], self.omega_rad_s, level, self._moment_s)
         if self._direct:
             return covariance, np.ones(len(covariance))
         unexplained = self._padded([window.input_noise[index] for window in self.windows], 0.0).real
         residual = self._padded([part.input_residual[index] for part in parts], 0.0)
         factor = weak_instrument_factor(
             np.einsum("ff->f", covariance).real,
-            noise,
+            level,
             np.sum(share * unexplained, axis=0),
             np.sum(share * residual, axis=0),
         )

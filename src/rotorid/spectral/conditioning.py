@@ -102,14 +102,11 @@ class Conditioned:
     input_residual
         :math:`S_{uv}` of each input and that noise, shape ``(u, f)``: what feedback puts into the input, zero for a
         direct estimate whatever the truth is.
-    instrument_coherence
-        Partial coherence of each instrument and the output, shape ``(u, f)``.
     """
 
     response: ComplexArray
     noise: FloatArray
     input_residual: ComplexArray
-    instrument_coherence: FloatArray
 
 
 def conditioned_response(
@@ -149,26 +146,23 @@ def condition(separated: ConditionedResponse, output: OutputSpectra) -> Conditio
     explained = np.einsum("uf,fu->f", response.conj(), output.cross[:, inputs] + residual).real
     # The difference of nearly equal numbers may come out a rounding error below zero for noise-free data.
     noise = np.maximum(output.auto - explained, output.auto * 1e-12 + _TINY)
-    return Conditioned(
-        response=response,
-        noise=noise,
-        input_residual=residual.T,
-        instrument_coherence=_partial_coherence(matrix.block(instruments, instruments), to_output, output.auto).T,
-    )
+    return Conditioned(response=response, noise=noise, input_residual=residual.T)
 
 
-def _partial_coherence(auto: ComplexArray, cross: ComplexArray, output: FloatArray) -> FloatArray:
-    r"""Coherence of each instrument and the output once the other instruments are accounted for, shape ``(f, r)``.
+def instrument_coherence(separated: ConditionedResponse, output: OutputSpectra) -> FloatArray:
+    r"""Coherence of each instrument and an output once the other instruments are accounted for, shape ``(u, f)``.
 
     With :math:`y = \sum_j a_j r_j + e` and :math:`P_j = 1 / [S_{rr}^{-1}]_{jj}`, the power of instrument j that the
     others do not have, :math:`\gamma_j^2 = |a_j|^2 P_j / (|a_j|^2 P_j + S_{ee})`. The ordinary coherence says of a
     sweep in roll that yaw does not follow it, when all it means is that the sweep in yaw moved yaw more.
     """
+    instruments = list(separated.instruments)
+    auto, cross = separated.matrix.block(instruments, instruments), output.cross[:, instruments]
     a = np.linalg.solve(auto, cross[:, :, None])[:, :, 0]
-    unexplained = np.maximum(output - np.sum(a.conj() * cross, axis=1).real, output * 1e-12 + _TINY)
+    unexplained = np.maximum(output.auto - np.sum(a.conj() * cross, axis=1).real, output.auto * 1e-12 + _TINY)
     own = 1.0 / np.einsum("fii->fi", np.linalg.inv(auto)).real
     explained = np.abs(a) ** 2 * own
-    return np.asarray(explained / (explained + unexplained[:, None]))
+    return np.asarray(explained / (explained + unexplained[:, None])).T
 
 
 def _require_separable(matrix: SpectralMatrix, instruments: Sequence[int], inputs: Sequence[int]) -> None:

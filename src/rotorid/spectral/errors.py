@@ -131,15 +131,21 @@ def influence(
     near = (matrix.starts < first_block + blocks) & (matrix.starts + matrix.window.blocks > first_block)
     flown = matrix.transforms[near][:, list(separated.instruments)].conj()
     weights = np.einsum("fr,krf->fk", projection, flown) / len(matrix.transforms)
-    first = (matrix.starts[near] - first_block) * moments
-    count = matrix.window.blocks * moments
+    starts = matrix.starts[near]
+    count, step, size = matrix.window.blocks * moments, matrix.window.hop * moments, blocks * moments
     middle_s = (np.arange(count) + 0.5) * matrix.window_s / count
     shape = taper.samples(count) * np.exp(-1j * matrix.omega_rad_s[:, None] * middle_s)
-    total = np.zeros((matrix.omega_rad_s.size, blocks * moments), dtype=np.complex128)
-    for offset in range(count):
-        inside = (first + offset >= 0) & (first + offset < blocks * moments)
-        total[:, first[inside] + offset] += weights[:, inside] * shape[:, offset, None]
-    return np.asarray(total / np.sqrt(matrix.window_s * taper.mean_square))
+    # With room for windows that begin before the stretch or end after it.
+    total = np.zeros((matrix.omega_rad_s.size, count + size + count + step), dtype=np.complex128)
+    for run in np.split(np.arange(starts.size), np.flatnonzero(np.diff(starts) != matrix.window.hop) + 1):
+        # Windows of a run begin one step after the other, so that pieces of one step lie side by side.
+        length = run.size * step
+        for offset in range(0, count if run.size else 0, step):
+            piece = shape[:, None, offset : offset + step]
+            begin = count + (int(starts[run[0]]) - first_block) * moments + offset
+            side_by_side = total[:, begin : begin + length].reshape(len(total), run.size, step)
+            side_by_side[..., : piece.shape[-1]] += weights[:, run, None] * piece
+    return np.asarray(total[:, count : count + size] / np.sqrt(matrix.window_s * taper.mean_square))
 
 
 def compacted(chunks: Iterable[ComplexArray], size: int) -> ComplexArray:
