@@ -120,6 +120,18 @@ class ParameterMap:
             first += column.size
         return Matrices(*parts), entries
 
+    def dense_tangents(self, thetas: FloatArray) -> tuple[Matrices, Matrices]:
+        """Matrices at each of ``thetas``, shape ``(b, p)``, with a leading axis ``b``, and all their derivatives.
+
+        These have the leading axes ``b`` and ``p``; derivatives that are the same everywhere, only one ``b``. Both are
+        not a number where the model has no value.
+        """
+        if self._affine is None:
+            both = [self._tangent_or_nothing(theta) for theta in thetas]
+            systems, slopes = (tuple(map(np.stack, zip(*column, strict=True))) for column in zip(*both, strict=True))
+            return Matrices(*systems), Matrices(*slopes)
+        return self.tangents(thetas)[0], Matrices(*(slope[None] for slope in self._affine[1]))
+
     def _tangent_or_nothing(self, theta: FloatArray) -> tuple[Matrices, Matrices]:
         """The tangent, or one that is not a number where the model has none: a solver steps back from there."""
         try:

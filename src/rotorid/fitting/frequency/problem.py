@@ -243,8 +243,8 @@ def log_errors(parameter_map: ParameterMap, thetas: FloatArray, points: Points) 
 
 @np.errstate(invalid="ignore")
 def equation_errors(
-    parameter_map: ParameterMap, thetas: FloatArray, points: Points
-) -> tuple[ComplexArray, ComplexArray]:
+    parameter_map: ParameterMap, thetas: FloatArray, points: Points, scales: tuple[FloatArray, FloatArray]
+) -> tuple[ComplexArray, ComplexArray, FloatArray]:
     r"""Errors of the model multiplied by its denominator, relative to data and denominator, and their derivatives.
 
     With the denominator :math:`D = \det(j\omega M - F)`, :math:`e = (D / D_0) (T / T_{data} - 1)` is linear in the
@@ -257,13 +257,15 @@ def equation_errors(
         Errors, shape ``(b, n)``.
     numpy.ndarray
         Their derivatives, shape ``(b, p, n)``.
+    numpy.ndarray
+        The cost, as that of :func:`sums_of_squares`, shape ``(b,)``.
     """
     system, slopes = parameter_map.tangents(thetas)
     model = _response(system, points)
     error = model.values / points.values - 1.0
     responses = _slopes(slopes, thetas.shape[1], model, np.broadcast_to(points.values, error.shape), points)
     determinants = _determinant_slopes(slopes, thetas.shape[1], model.inverse, points)
-    return error, responses + determinants * error[:, None]
+    return error, responses + determinants * error[:, None], _sum_of_squares(model.values, points, scales)
 
 
 @np.errstate(invalid="ignore")
@@ -271,7 +273,10 @@ def sums_of_squares(
     parameter_map: ParameterMap, thetas: FloatArray, points: Points, scales: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
     """Cost of each of many parameter vectors, shape ``(b,)``; infinite where the model has no response."""
-    model = _response(parameter_map.tangents(thetas)[0], points).values
+    return _sum_of_squares(_response(parameter_map.tangents(thetas)[0], points).values, points, scales)
+
+
+def _sum_of_squares(model: ComplexArray, points: Points, scales: tuple[FloatArray, FloatArray]) -> FloatArray:
     error = log_error(model, points.values)
     squares = np.sum((scales[0] * error.real) ** 2 + (scales[1] * error.imag) ** 2, axis=-1)
     return np.where(np.isfinite(squares), squares, np.inf)

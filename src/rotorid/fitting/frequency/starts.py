@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rotorid.errors import ModelError, RotoridError
+from rotorid.errors import RotoridError
 from rotorid.fitting.frequency.parameter_map import Matrices
 from rotorid.fitting.frequency.problem import FrequencyProblem, equation_errors, log_error
 from rotorid.typing import BoolArray, ComplexArray, FloatArray, IntArray
@@ -56,16 +56,20 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray) -> tuple[Floa
     lower, upper = problem.box
     moving = ~delays(problem)
     weight = np.sqrt(problem.point_scales[0] ** 2 + problem.point_scales[1] ** 2)
-    now = np.clip(thetas, lower, upper)
-    best, cost = now, problem.many_costs(now)
+    now = best = np.clip(thetas, lower, upper)
+    cost = np.full(len(now), np.inf)
+
+    def better(found: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lower_now = found < cost
+        return np.where(lower_now[:, None], now, best), np.where(lower_now, found, cost)
+
     for _ in range(_STEPS):
-        error, slope = equation_errors(problem.parameter_map, now, problem.points)
+        error, slope, found = equation_errors(problem.parameter_map, now, problem.points, problem.point_scales)
+        best, cost = better(found)
         step = np.zeros_like(now)
         step[:, moving] = _least_squares(weight * error, weight * slope[:, moving])
         now = np.clip(now + step, lower, upper)
-        found = problem.many_costs(now)
-        better = found < cost
-        best, cost = np.where(better[:, None], now, best), np.where(better, found, cost)
+    best, cost = better(problem.many_costs(now))
     order = np.argsort(cost, kind="stable")[:2]
     return tuple(best[slot] for slot in order if np.isfinite(cost[slot]))
 
@@ -95,6 +99,7 @@ _ERROR_FLOOR = 0.02
 _EQUATION_FLOOR = 0.02
 _REWEIGHTINGS = 3
 _UNSEEN = 1e-10
+_SMALL_SINGULAR = 1e-15
 
 
 class Roles(NamedTuple):
@@ -106,7 +111,10 @@ class Roles(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _States:
-    """States that explain the measured outputs, ``(f, x, u)``, and the covariance of their errors, ``(f, u, x, x)``."""
+    """States that explain the measured outputs at many parameters, and the covariance of their errors.
+
+    Shapes ``(b, f, x, u)`` and ``(b, f, u, x, x)``, with one ``b`` where all are the same.
+    """
 
     values: ComplexArray
     covariance: ComplexArray
@@ -149,36 +157,49 @@ def _determined(problem: FrequencyProblem, system: Matrices, known: BoolArray) -
     return True
 
 
-def equation_error(problem: FrequencyProblem, theta: FloatArray, role: Roles) -> tuple[FloatArray, float]:
-    """Parameters that make the unknown state equations hold best, the others as they are in ``theta``.
+def equation_error(problem: FrequencyProblem, thetas: FloatArray, role: Roles) -> tuple[FloatArray, FloatArray]:
+    """Parameters that make the unknown state equations hold best, the others as they are in each of ``thetas``.
 
     Parameters
     ----------
-    theta
-        Free parameters, shape ``(p,)``. Those in delays, outputs and known equations stay.
+    thetas
+        Free parameters, shape ``(b, p)``. Those in delays, outputs and known equations stay.
     role
         As :func:`roles` gives them.
 
     Returns
     -------
     numpy.ndarray
-        Free parameters, shape ``(p,)``, within their bounds.
-    float
-        Mean square of the errors of the equations over what the data explain; one for a perfect structure.
+        Free parameters, shape ``(b, p)``, within their bounds.
+    numpy.ndarray
+        Mean square of the errors of the equations over what the data explain, shape ``(b,)``; one for a perfect
+        structure, infinite where the model has no value.
     """
     lower, upper = problem.box
-    system, slopes = problem.parameter_map.tangent(theta)
+    found, misfit = np.clip(thetas, lower, upper), np.full(len(thetas), np.inf)
+    inside = np.all(found == thetas, axis=1)
+    for matrix in problem.parameter_map.dense_tangents(found)[0]:
+        inside &= np.isfinite(matrix).all(axis=tuple(range(1, matrix.ndim)))
+    if not inside.any():
+        return found, misfit
+    thetas = thetas[inside]
+    system, slopes = problem.parameter_map.dense_tangents(thetas)
     states = _states(problem, system, role.known)
-    misfit = np.inf
     for reweighting in range(_REWEIGHTINGS):
         if reweighting:
-            system, slopes = problem.parameter_map.tangent(np.clip(theta, lower, upper))
+            system, slopes = problem.parameter_map.dense_tangents(np.clip(thetas, lower, upper))
         error, derivative = _errors(problem, system, slopes, states, role)
         weight = 1.0 / _spread(problem, system, states, role)
-        theta = theta.copy()
-        step, misfit = _solve(weight * error, weight * derivative)
-        theta[role.linear] += step
-    return np.clip(theta, lower, upper), misfit
+        step, misfit[inside] = _solve(weight * error, weight[:, None] * derivative)
+        thetas = thetas.copy()
+        thetas[:, role.linear] += step
+    found[inside] = np.clip(thetas, lower, upper)
+    return found, misfit
+
+
+def _alike(matrices: FloatArray) -> FloatArray:
+    """One of many matrices where all are the same, so that what follows from them is worked out once."""
+    return matrices[:1] if np.all(matrices == matrices[:1]) else matrices
 
 
 def _states(problem: FrequencyProblem, system: Matrices, known: BoolArray) -> _States:
@@ -186,69 +207,90 @@ def _states(problem: FrequencyProblem, system: Matrices, known: BoolArray) -> _S
     data, columns = problem.data, problem.used.any(axis=(0, 1))
     omega = problem.points.omega_rad_s
     jw = 1j * omega[:, None, None]
-    used = np.moveaxis(problem.used[:, :, columns], -1, 0)
-    shift_in = np.exp(-1j * omega[:, None] * system.input_delays_s)
-    shift_out = np.exp(1j * omega[:, None] * system.output_delays_s)[..., None]
-    measured = np.where(used, np.moveaxis(data.values[:, :, columns], -1, 0) * shift_out, 0.0)
-    error = np.hypot(np.moveaxis(data.random_error[:, :, columns], -1, 0), _ERROR_FLOOR)
-    weight = np.where(used, 1.0 / np.maximum(np.abs(measured) * error, np.finfo(np.float64).tiny), 0.0)
-    equations = (jw * system.M - system.F)[:, known]
-    right = system.G[known] * shift_in[:, None, :]
-    particular = np.linalg.pinv(equations) @ right
-    basis = np.swapaxes(np.linalg.svd(equations)[2][:, int(known.sum()) :].conj(), -1, -2)
-    outputs = system.H0 + jw * system.H1
+    used, values, error = (
+        np.moveaxis(array[:, :, columns], -1, 0) for array in (problem.used, data.values, data.random_error)
+    )
+    weight = np.abs(values) * np.hypot(error, _ERROR_FLOOR)
+    weight = np.where(used, 1.0 / np.maximum(weight, np.finfo(np.float64).tiny), 0.0)
+    late_in, late_out = (_alike(late)[:, None] for late in (system.input_delays_s, system.output_delays_s))
+    shift_in, shift_out = np.exp(-1j * omega[:, None] * late_in), np.exp(1j * omega[:, None] * late_out)
+    measured = np.where(used, values * shift_out[..., None], 0.0)
+    M, F, G = (_alike(matrix[:, known])[:, None] for matrix in (system.M, system.F, system.G))
+    H0, H1 = (_alike(matrix)[:, None] for matrix in (system.H0, system.H1))
+    inverse_of_known, basis = _inverse_and_kernel(np.asarray(jw * M - F, dtype=np.complex128))
+    particular = inverse_of_known @ (G * shift_in[:, :, None, :])
+    outputs = H0 + jw * H1
     # One least-squares problem for each frequency and input: rows are outputs, columns the open directions.
-    rows = weight.swapaxes(-1, -2)[..., None] * (outputs @ basis)[:, None]
+    rows = weight.swapaxes(-1, -2)[..., None] * (outputs @ basis)[:, :, None]
     rest = (weight * (measured - outputs @ particular)).swapaxes(-1, -2)[..., None]
     turned = rows.conj().swapaxes(-1, -2)
     normal = turned @ rows
-    scale = np.sqrt(np.einsum("fuii->fui", normal).real)
+    scale = np.sqrt(np.einsum("...ii->...i", normal).real)
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = normal / (scale[..., :, None] * scale[..., None, :]) + _UNSEEN * np.eye(normal.shape[-1])
     inverse = np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :])
     open_part = (inverse @ (turned @ rest))[..., 0].swapaxes(-1, -2)
-    wide = basis[:, None]
+    wide = basis[:, :, None]
     return _States(particular + basis @ open_part, wide @ inverse @ wide.conj().swapaxes(-1, -2))
+
+
+def _inverse_and_kernel(matrices: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Pseudo-inverses of matrices ``(..., k, x)`` and bases of what they map to zero, ``(..., x, k)``, ``(..., x, d)``.
+
+    Rows of the matrices, fewer than columns, are independent.
+    """
+    left, singular, right = np.linalg.svd(matrices)
+    turned, rank = right.conj().swapaxes(-1, -2), singular.shape[-1]
+    large = singular > _SMALL_SINGULAR * singular.max(axis=-1, keepdims=True, initial=0.0)
+    inverse = np.where(large, 1.0 / np.where(large, singular, 1.0), 0.0)
+    return (turned[..., :rank] * inverse[..., None, :]) @ left.conj().swapaxes(-1, -2), turned[..., rank:]
 
 
 def _errors(
     problem: FrequencyProblem, system: Matrices, slopes: Matrices, states: _States, role: Roles
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Errors of the unknown equations, ``(f, i, u)``, and their derivatives, ``(k, f, i, u)``."""
+    """Errors of the unknown equations, ``(b, f, i, u)``, and their derivatives, ``(b, k, f, i, u)``."""
     rows, omega = ~role.known, problem.points.omega_rad_s
     jw = 1j * omega[:, None, None]
-    shift = np.exp(-1j * omega[:, None] * system.input_delays_s)[:, None, :]
-    M, F, G = (matrix[rows] for matrix in (system.M, system.F, system.G))
-    dM, dF, dG = (slope[role.linear][:, None][:, :, rows] for slope in (slopes.M, slopes.F, slopes.G))
+    shift = np.exp(-1j * omega[:, None] * _alike(system.input_delays_s)[:, None])[:, :, None, :]
+    M, F, G = (matrix[:, rows][:, None] for matrix in (system.M, system.F, system.G))
+    dM, dF, dG = (slope[:, role.linear][:, :, None, rows] for slope in (slopes.M, slopes.F, slopes.G))
     error = (jw * M - F) @ states.values - G * shift
-    return error, (jw * dM - dF) @ states.values - dG * shift
+    return error, (jw * dM - dF) @ states.values[:, None] - dG * shift[:, None]
 
 
 def _spread(problem: FrequencyProblem, system: Matrices, states: _States, role: Roles) -> FloatArray:
-    """Standard deviations of the errors of the unknown equations that the data explain, ``(f, i, u)``."""
+    """Standard deviations of the errors of the unknown equations that the data explain, ``(b, f, i, u)``."""
     rows, omega = ~role.known, problem.points.omega_rad_s
     jw = 1j * omega[:, None, None]
-    factor = (jw * system.M - system.F)[:, rows]
-    variance = np.einsum("fix,fuxz,fiz->fiu", factor, states.covariance, factor.conj()).real
-    level = np.abs(jw * system.M[rows]) @ np.abs(states.values)
-    spread = np.sqrt(np.maximum(variance, 0.0) + (_EQUATION_FLOOR * level) ** 2)
+    factor = (jw * system.M[:, None] - system.F[:, None])[:, :, rows]
+    moved = factor[:, :, None] @ states.covariance
+    variance = np.sum(moved.real * factor.real[:, :, None] + moved.imag * factor.imag[:, :, None], axis=-1)
+    level = np.abs(jw * system.M[:, None, rows]) @ np.abs(states.values)
+    spread = np.sqrt(np.maximum(variance.swapaxes(-1, -2), 0.0) + (_EQUATION_FLOOR * level) ** 2)
     # An equation without any state in it, at a frequency where nothing was measured, says nothing.
     return np.where(spread > 0.0, spread, np.inf)
 
 
-def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, float]:
-    """Step of the linear parameters and the mean square that is left."""
-    columns = derivative.reshape(len(derivative), -1)
-    right = np.concatenate([error.real.ravel(), error.imag.ravel()])
-    matrix = np.concatenate([columns.real, columns.imag], axis=1).T
-    length = np.sqrt(np.sum(matrix**2, axis=0))
-    if not (np.isfinite(length).all() and np.isfinite(right).all()):
-        # Values so far off that they overflow lead nowhere, and LAPACK complains about them by itself.
-        return np.zeros(len(columns)), np.inf
-    length = np.where(length > 0.0, length, 1.0)
-    step = np.linalg.lstsq(matrix / length, -right, rcond=_EQUATION_RANK)[0] / length
-    left = right + matrix @ step
-    return step, float(left @ left / left.size)
+def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """Steps of the linear parameters, shape ``(b, k)``, and the mean square that each leaves, shape ``(b,)``."""
+    count = len(error)
+    right = np.concatenate([part.reshape(count, -1) for part in (error.real, error.imag)], axis=1)
+    columns = [part.reshape(count, derivative.shape[1], -1) for part in (derivative.real, derivative.imag)]
+    matrix = np.concatenate(columns, axis=2)
+    length = np.sqrt(np.sum(matrix**2, axis=2))
+    # Values so far off that they overflow lead nowhere, and LAPACK complains about them by itself.
+    known = np.isfinite(length).all(axis=1) & np.isfinite(right).all(axis=1)
+    step, misfit = np.zeros((count, derivative.shape[1])), np.full(count, np.inf)
+    length = np.where(length > 0.0, length, 1.0)[known]
+    matrix, right = matrix[known], right[known]
+    turned, singular, left = np.linalg.svd(matrix / length[..., None], full_matrices=False)
+    large = singular > _EQUATION_RANK * singular.max(axis=1, keepdims=True, initial=0.0)
+    along = np.where(large, (left @ right[..., None])[..., 0] / np.where(large, singular, 1.0), 0.0)
+    step[known] = -(turned @ along[..., None])[..., 0] / length
+    rest = right + (step[known][:, None] @ matrix)[:, 0]
+    misfit[known] = np.mean(rest**2, axis=1)
+    return step, misfit
 
 
 LONGEST_DELAY_S = 0.3
@@ -296,14 +338,16 @@ def equation_error_start(problem: FrequencyProblem) -> FloatArray | None:
     thin = _thinned(problem)
     late, lag = np.flatnonzero(delays(problem)), _lags(problem, role)
     grid = delay_grid_s(problem) if late.size else np.zeros(1)
-    best, least = theta, np.inf
-    for delay_s, lag_s in itertools.product(grid, _LAGS_S if lag.size else (0.0,)):
-        trial = theta.copy()
-        trial[late], trial[lag] = delay_s, lag_s
-        misfit = _misfit(thin, trial, role)
-        if misfit < least:
-            best, least = trial, misfit
-    return equation_error(problem, _refined(thin, best, role, late, lag), role)[0]
+    lags_s = np.array(_LAGS_S if lag.size else (0.0,))
+    trials = np.tile(theta, (lags_s.size, grid.size, 1))
+    trials[:, :, late], trials[:, :, lag] = grid[:, None], lags_s[:, None, None]
+    # Of one lag the states follow from the delays alone. Of equals the shortest delay counts, then the smallest lag.
+    misfits = np.stack([_misfits(thin, row, role) for row in trials], axis=1)
+    best = int(np.argmin(misfits))
+    delay, which = divmod(best, lags_s.size)
+    start = trials[which, delay] if np.isfinite(misfits.flat[best]) else theta
+    (found,), _ = equation_error(problem, _refined(thin, start, role, late, lag)[None], role)
+    return np.asarray(found)
 
 
 def _lags(problem: FrequencyProblem, role: Roles) -> IntArray:
@@ -323,11 +367,14 @@ def _thinned(problem: FrequencyProblem) -> FrequencyProblem:
     return replace(problem, used=problem.used & kept)
 
 
-def _misfit(problem: FrequencyProblem, theta: FloatArray, role: Roles) -> float:
+def _misfits(problem: FrequencyProblem, thetas: FloatArray, role: Roles) -> FloatArray:
+    """Mean squares of the errors of equations, shape ``(b,)``; infinite where there is no number."""
     try:
-        return equation_error(problem, theta, role)[1]
-    except (ModelError, np.linalg.LinAlgError):
-        return np.inf
+        return equation_error(problem, thetas, role)[1]
+    except np.linalg.LinAlgError:
+        # One of them has no solution; it is not worth the others.
+        alone = len(thetas) == 1
+        return np.full(1, np.inf) if alone else np.concatenate([_misfits(problem, row[None], role) for row in thetas])
 
 
 def _refined(problem: FrequencyProblem, theta: FloatArray, role: Roles, late: IntArray, lag: IntArray) -> FloatArray:
@@ -341,10 +388,11 @@ def _refined(problem: FrequencyProblem, theta: FloatArray, role: Roles, late: In
         return moved
 
     def misfit(slot: int, value: float) -> float:
-        return _misfit(problem, along(slot, value), role)
+        return float(_misfits(problem, along(slot, value)[None], role)[0])
 
     for slot in late if late.size > 1 else ():
-        theta = along(slot, min(grid.tolist(), key=partial(misfit, slot)))
+        trials = np.stack([along(slot, value) for value in grid])
+        theta = trials[int(np.argmin(_misfits(problem, trials, role)))]
     for slot in (*late, *lag, *late):
         reach = theta[slot] if slot in lag else grid[1]
         low, high = max(theta[slot] - reach, lower[slot]), min(theta[slot] + reach, upper[slot])

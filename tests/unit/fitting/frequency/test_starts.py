@@ -138,7 +138,7 @@ def test_equation_error_is_exact_on_exact_responses() -> None:
     late = parameters.with_values({"tau_pitch": 0.037, "tau_thrust": 0.039})
     role = roles(problem, late.pack())
     assert role is not None
-    theta, misfit = equation_error(problem, late.pack(), role)
+    (theta,), (misfit,) = equation_error(problem, late.pack()[None], role)
     truth = np.array([LONGITUDINAL.get(name, 0.0) for name in parameters.free])
     np.testing.assert_allclose(theta, truth, rtol=1e-7, atol=1e-7)
     assert misfit < 1e-12
