@@ -32,6 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rotorid.data.axes import RATES
+from rotorid.data.base import cached_by_value
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
@@ -216,8 +217,8 @@ class _Block(NamedTuple):
 def _blocks(fit: MotorFit) -> Iterator[_Block]:
     problem, theta = fit.problem, fit.solution.theta
     kept, values = problem.determined(fit.solution), problem.parameters.unpack(theta).values
-    axes = [{axis.name: axis for axis in equations} for equations in problem.equations(theta)]
-    for place, name, error, slopes in problem.whitened(theta):
+    axes = [{axis.name: axis for axis in equations} for equations in problem.equations(theta, RATES)]
+    for place, name, error, slopes in problem.whitened_at(fit.solution):
         record = problem.records[place]
         made, more = 0.0, np.zeros((0, error.size))
         if name in RATES:
@@ -378,7 +379,7 @@ def _pulled(fit: MotorFit, by: Callable[[int, str, Filter, int], FloatArray | No
     kept = np.array([name in fit.moving for name in fit.parameters.free])
     normal = np.zeros((kept.size, kept.size))
     pulled = np.zeros(kept.size)
-    for place, axis, error, slopes in fit.problem.whitened(fit.solution.theta):
+    for place, axis, error, slopes in fit.problem.whitened_at(fit.solution):
         normal += slopes @ slopes.T
         if (row := by(place, axis, fit.problem.filters[place][axis], error.size)) is not None:
             pulled += slopes @ row
@@ -414,7 +415,7 @@ def _by_regressions(
 
 def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str, float]]:
     """Half the way between the regressions of force on thrust and of thrust on force, and that of damping."""
-    force = _Force.of(fit)
+    force = _force_of(fit)
     if force is None:
         return
     if not force.whitened:
@@ -427,12 +428,14 @@ def _by_gusts(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[st
 def _by_wind(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str, float]]:
     """That of drag: what tilt and drag leave slowly is wind that changes, and pulls drag toward zero."""
     for level, name in DRAG.items():
+        if level not in fit.problem.axes:
+            continue
         left = damped = 0.0
         for record, filters, equations in zip(
-            fit.problem.records, fit.problem.filters, fit.problem.equations(fit.solution.theta), strict=True
+            fit.problem.records, fit.problem.filters, fit.problem.equations(fit.solution.theta, [level]), strict=True
         ):
             for axis in equations:
-                if axis.name == level and level in filters:
+                if level in filters:
                     own = values[name] * axis.slopes[fit.problem.parameters.names.index(name)]
                     both = np.stack([axis.measured - axis.predicted, own])
                     rows = np.stack([_low_passed(row, _WIND_1_S, record.sample_rate_hz) for row in both])
@@ -444,7 +447,7 @@ def _by_wind(values: Mapping[str, float], fit: MotorFit) -> Iterator[Mapping[str
 
 def gusts_between(fit: MotorFit) -> float:
     r"""How far gusts under feedback may pull thrust, as a share: :math:`(1/r^2 - 1)/2` of slow specific force."""
-    force = _Force.of(fit)
+    force = _force_of(fit)
     return 0.0 if force is None else force.between
 
 
@@ -461,23 +464,25 @@ class _Force(NamedTuple):
         """Half the way from one regression to the other, as a share of the gain."""
         return 0.5 * self.left / self.made
 
-    @classmethod
-    def of(cls, fit: MotorFit) -> _Force | None:
-        sums, whitened = np.zeros(3), False
-        problem = fit.problem
-        values = problem.parameters.unpack(fit.solution.theta).values
-        for record, filters, equations in zip(
-            problem.records, problem.filters, problem.equations(fit.solution.theta), strict=True
-        ):
-            for axis in equations:
-                if axis.name == "az" and axis.name in filters:
-                    by_motors = _made_by_motors(axis, problem, values, record.w)
-                    rows = np.stack([by_motors, axis.predicted - by_motors, axis.measured - axis.predicted])
-                    passed = slow_rows(rows, record.sample_rate_hz)
-                    sums += np.sum((passed - passed.mean(axis=1, keepdims=True)) ** 2, axis=1)
-                    whitened = whitened or filters["az"].taps.size > 1
-        made, damped, left = sums.tolist()
-        return cls(made, damped, left, whitened) if made > 0.0 else None
+
+@cached_by_value
+def _force_of(fit: MotorFit) -> _Force | None:
+    """Specific force of a fit; ``None`` where the motors made none of it."""
+    sums, whitened = np.zeros(3), False
+    problem = fit.problem
+    values = problem.parameters.unpack(fit.solution.theta).values
+    for record, filters, equations in zip(
+        problem.records, problem.filters, problem.equations(fit.solution.theta, ["az"]), strict=True
+    ):
+        for axis in equations:
+            if axis.name in filters:
+                by_motors = _made_by_motors(axis, problem, values, record.w)
+                rows = np.stack([by_motors, axis.predicted - by_motors, axis.measured - axis.predicted])
+                passed = slow_rows(rows, record.sample_rate_hz)
+                sums += np.sum((passed - passed.mean(axis=1, keepdims=True)) ** 2, axis=1)
+                whitened = whitened or filters["az"].taps.size > 1
+    made, damped, left = sums.tolist()
+    return _Force(made, damped, left, whitened) if made > 0.0 else None
 
 
 def slow_rows(rows: FloatArray, rate_hz: float) -> FloatArray:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rotorid.data.axes import AXIS_WORDS
+from rotorid.data.base import cached_by_value
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import with_error
 from rotorid.errors import InsufficientDataError
@@ -63,6 +64,7 @@ _PROGRESS = logging.getLogger("rotorid.progress")
 _FLAT = 1e-12
 
 
+@cached_by_value
 def motor_bounds(fit: MotorFit) -> tuple[Bounds, int]:
     """Bounds of the parameters that did not end on a bound, and the memory of the errors.
 
@@ -250,7 +252,9 @@ def _bounded(data: MotorData, choices: MotorSettings, fit: MotorFit, curve: Curv
     assumed = assumed and (data.kind != "speed" or "az" in excited_axes(fit.excitations))
     # The weight gives thrust at hover whatever the curve is; its slope is another matter.
     at_hover = with_model_errors(random, parameters, fit, data, curve_assumed=False, model=model)
-    bounds = with_model_errors(random, parameters, fit, data, curve_assumed=assumed, model=model)
+    bounds = at_hover
+    if assumed:
+        bounds = with_model_errors(random, parameters, fit, data, curve_assumed=True, model=model)
     found = _Bounded(parameters=parameters, bounds=bounds, at_hover=at_hover, memory=memory, curve_assumed=assumed)
     return _described(data, choices, fit, curve, found)
 
@@ -440,12 +444,13 @@ def _by_increments(
     search = _searched(posed(parts), choices)
     start = search.values(search.minima[0]) if search else None
     _PROGRESS.info("fitting motors, thrust and inertia")
-    fit = fit_motors(posed(parts), start=start)
+    problem = posed(parts)
+    fit = fit_motors(problem, start=start)
     # What motors that were logged too slowly do not explain is no gust.
     gusty = not data.slow and gusts_between(fit) > _GUSTY
     if gusty:
         _PROGRESS.info("gusts move the vehicle as thrust does: fitting with noise color")
-        fit = fit_motors(posed(parts), white_force=True, start=start)
+        fit = fit_motors(problem, white_force=True, start=start)
     if _lag_unseen(fit):
         # Without a lag of the motors their spin-up is a delay.
         parts = replace(parts, lag=False, spin_up=False)

@@ -91,7 +91,7 @@ def _slow(row: FloatArray, rate_hz: float, band_hz: tuple[float, float] = SLOW_B
 def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequence[Mapping[str, Excitation]]) -> float:
     """Share of the slow errors of specific force that a constant, the outputs and their squares would explain."""
     errors, columns = [], []
-    for record, equations, excited in zip(problem.records, problem.equations(theta), found, strict=True):
+    for record, equations, excited in zip(problem.records, problem.equations(theta, ["az"]), found, strict=True):
         force = next((axis for axis in equations if axis.name == "az"), None)
         if force is None or excited["az"].correlation < LEAST_CORRELATION:
             continue

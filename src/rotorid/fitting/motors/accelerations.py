@@ -87,6 +87,10 @@ class AccelerationErrors(MotorProblem):
         """Name of the fit for messages."""
         return "accelerations from motor outputs"
 
+    def whitened_at(self, solution: Solution) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
+        """:meth:`whitened` at the end of a search, which has left no errors but roots of them."""
+        return self.whitened(solution.theta)
+
     def channels(self, theta: FloatArray) -> Iterator[Channel]:
         """Every acceleration of every record that counts."""
         for place, name, error, slopes in self.whitened(theta):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rotorid.data.base import cached_by_value
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.least_squares import LevenbergMarquardt, Solution
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, excited_axes
@@ -102,7 +103,7 @@ class MotorFit(Fit):
     def parts(self) -> list[Part]:
         """Whitened errors of each equation, with derivatives by what is :attr:`moving`."""
         kept = self.problem.determined(self.solution)
-        return [part._replace(slopes=part.slopes[..., kept]) for part in self.problem.parts(self.solution.theta)]
+        return [part._replace(slopes=part.slopes[..., kept]) for part in self.problem.parts_at(self.solution)]
 
 
 def likely_step(fit: MotorFit, more: MotorProblem, name: str) -> tuple[float, float]:
@@ -174,11 +175,7 @@ def fit_motors(
             needed=f"a correlation of {LEAST_CORRELATION:g} up to 5 Hz, or in two octaves above",
             remedy="fly sweeps or doublets on these axes, or leave them out",
         )
-    parameters = started(problem, found)
-    if start is not None:
-        parameters = parameters.with_values({name: start[name] for name in parameters.free if name in start})
-    problem = slow_problem(problem.with_parameters(parameters), found)
-    solution = solver.minimize(problem.residuals, problem.parameters.pack(), *problem.box)
+    problem, solution = _slow_fit(problem, solver, tuple((start or {}).items()))
     settled, count, last = False, 0, np.zeros(0)
     for count in range(1, rounds + 1):
         problem = _with_whitening(problem, solution.theta, found, white_force=white_force)
@@ -200,6 +197,18 @@ def fit_motors(
         moved=last,
         white_force=white_force,
     )
+
+
+@cached_by_value
+def _slow_fit(
+    problem: MotorProblem, solver: LevenbergMarquardt, start: tuple[tuple[str, float], ...]
+) -> tuple[MotorProblem, Solution]:
+    """The first fit, to slow motion: what the color of the force is taken for comes later."""
+    found, begin = problem.excitations, dict(start)
+    parameters = started(problem, found)
+    parameters = parameters.with_values({name: begin[name] for name in parameters.free if name in begin})
+    slow = slow_problem(problem.with_parameters(parameters), found)
+    return slow, solver.minimize(slow.residuals, slow.parameters.pack(), *slow.box)
 
 
 _CORNER, _WORTH, _MOST_SAMPLES = 0.25, 0.95, 4

@@ -132,7 +132,7 @@ def inertia_regressions(
     """
     injected = list(excitations) or [None] * len(fit.problem.records)
     _require(fit, injected)
-    equations = fit.problem.equations(fit.solution.theta)
+    equations = fit.problem.equations(fit.solution.theta, RATES)
     found = []
     for axis in RATES:
         rows = [

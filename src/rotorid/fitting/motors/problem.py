@@ -21,7 +21,7 @@ is not what turns, clocks that drift.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
@@ -42,6 +42,9 @@ from rotorid.typing import BoolArray, FloatArray
 
 FORCES = ("az", "weight")
 """Equations of specific force, whose mean is the weight."""
+
+_EQUATIONS = (*FORCES, *RATES, *DRAG)
+"""In the order in which a record has them."""
 
 _NO_LAG_S = 1e-6
 _SHORT = 0.1
@@ -154,11 +157,28 @@ class MotorProblem(Problem):
 
     def parts(self, theta: FloatArray) -> list[Part]:
         """For each equation its whitened errors ``(n, 1)``, their derivatives ``(n, 1, p)`` and unknown constants."""
+        return self._parts(self.whitened(theta))
+
+    def parts_at(self, solution: Solution) -> list[Part]:
+        """:meth:`parts` at the end of a search, from what it has left."""
+        return self._parts(self.whitened_at(solution))
+
+    @staticmethod
+    def _parts(whitened: Iterable[tuple[int, str, FloatArray, FloatArray]]) -> list[Part]:
         found = []
-        for _, name, error, slopes in self.whitened(theta):
+        for _, name, error, slopes in whitened:
             unknown = np.full((error.size, 1, 0 if name in FORCES else 1), error.size**-0.5)
             found.append(Part(error[:, None], slopes.T[:, None], unknown))
         return found
+
+    def whitened_at(self, solution: Solution) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
+        """:meth:`whitened` at the end of a search, from what it has left."""
+        start = 0
+        for place, (record, filters) in enumerate(zip(self.records, self.filters, strict=True)):
+            for axis in (name for name in _EQUATIONS if name in filters):
+                stop = start + (1 if axis == "weight" else record.samples - filters[axis].taps.size)
+                yield place, axis, solution.residual[start:stop], solution.jacobian[start:stop].T
+                start = stop
 
     def determined(self, solution: Solution) -> BoolArray:
         """Which free parameters have an uncertainty, shape ``(p,)``: those that did not end on a bound.
@@ -196,10 +216,13 @@ class MotorProblem(Problem):
                     error = _centered(error - next(left), axis.name)
                 yield place, axis.name, error, slopes
 
-    def equations(self, theta: FloatArray) -> list[list[Axis]]:
-        """For every record its equations at some parameters."""
+    def equations(
+        self, theta: FloatArray, wanted: Collection[str] | None = None, *, moved: bool = False
+    ) -> list[list[Axis]]:
+        """For every record its equations at some parameters, of all axes or those wanted: see :meth:`predictions`."""
         values = self.parameters.unpack(theta).values
-        return [self.predictions(record, values, self.axes, moved=True) for record in self.records]
+        axes = self.axes if wanted is None else [axis for axis in self.axes if axis in wanted]
+        return [self.predictions(record, values, axes, moved=moved) for record in self.records]
 
     def errors(self, theta: FloatArray) -> list[dict[str, FloatArray]]:
         """For every record the errors of each axis as they are, a constant torque taken out."""

@@ -57,6 +57,13 @@ def test_a_delay_of_other_samples_is_left_where_the_right_one_explains_more(foun
     assert at_the_best_sample(problem, stuck, solver).theta[place] == pytest.approx(right_s, abs=1e-5)
 
 
+def test_the_end_of_a_search_holds_its_equations(found: MotorFit) -> None:
+    made, kept = found.problem.parts(found.solution.theta), found.problem.parts_at(found.solution)
+    for one, other in zip(made, kept, strict=True):
+        np.testing.assert_array_equal(one.residual, other.residual)
+        np.testing.assert_array_equal(one.slopes, other.slopes)
+
+
 def test_twice_the_mass_is_twice_the_thrust_and_inertia(calm: MotorRecord, found: MotorFit) -> None:
     heavy = fitted(calm, {"m": 2.0 * TRUTH["m"]}).parameters.values
     for name in ("c_1", "c_2", "I_xx", "I_yy"):

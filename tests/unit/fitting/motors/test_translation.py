@@ -60,7 +60,10 @@ def test_derivatives_are_those_of_differences(turning: MotorRecord) -> None:
         above, below = theta.copy(), theta.copy()
         above[place], below[place] = value + step, value - step
         for here, more, less in zip(
-            problem.equations(theta)[0], problem.equations(above)[0], problem.equations(below)[0], strict=True
+            problem.equations(theta, moved=True)[0],
+            problem.equations(above)[0],
+            problem.equations(below)[0],
+            strict=True,
         ):
             slope = here.slopes[parameters.names.index(parameters.free[place])]
             expected = (more.predicted - less.predicted) / (2.0 * step)
