@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -43,3 +43,17 @@ def environment() -> dict[str, str]:
 @cache
 def _program(module: str) -> Program:
     return Program(module, environment={"PYTHONPATH": environment()["PYTHONPATH"], "OPENBLAS_NUM_THREADS": "1"})
+
+
+class _Kept(Program):
+    def close(self) -> None:
+        """Stay for the next test."""
+
+
+_kept: dict[tuple[object, ...], Program] = {}
+
+
+def kept(module: str, *, environment: Mapping[str, str] | None = None, copied: bool = True) -> Program:
+    """In the place of :class:`Program`: one for all labs and fleets of these tests, whose ends leave it as it is."""
+    key = module, copied, *(environment or {}).items()
+    return _kept.setdefault(key, _Kept(module, environment=environment, copied=copied))

@@ -14,18 +14,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.copies import kept
 from tests.fleet_logs import WORK, write_logs
 
 from rotorid.errors import UsageError
-from rotorid.fleets import Cluster, Fleet, FleetSettings, Limits, Processes
+from rotorid.fleets import Cluster, Fleet, FleetSettings, Limits, Processes, engines
 from rotorid.fleets.engines import Child, versions_here
 from rotorid.fleets.table import TABLE
+from rotorid.io.copies import Program
 
 pytest.importorskip("pyarrow")
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and limits of POSIX")
 SETTINGS = FleetSettings(models=("rate.roll",))
 LIMITS = Limits(work=WORK, timeout_s=60.0, memory_bytes=1 << 30)
 ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _one_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fleets of these tests copy one process; most are started to be killed."""
+    monkeypatch.setattr(engines, "Program", kept)
 
 
 def finished(logs: Path, out: Path, engine: Any) -> Fleet:
@@ -50,8 +58,8 @@ def test_workers_killed_ten_times_during_a_hundred_logs(tmp_path: Path, monkeypa
     children: list[Child] = []
     begin = Child.__init__
 
-    def remembered(self: Child, limits: Limits) -> None:
-        begin(self, limits)
+    def remembered(self: Child, limits: Limits, program: Program) -> None:
+        begin(self, limits, program)
         children.append(self)
 
     monkeypatch.setattr(Child, "__init__", remembered)

@@ -12,15 +12,13 @@ import json
 import os
 import platform
 import queue
-import subprocess
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 from rotorid import __version__
 from rotorid.data.base import Immutable
@@ -28,7 +26,7 @@ from rotorid.errors import LogError, UsageError
 from rotorid.fleets.places import fetched
 from rotorid.fleets.table import MEMBER, Failure, LogAnswer
 from rotorid.fleets.work import Task, failure
-from rotorid.io.children import end_session
+from rotorid.io.copies import Program, Running
 from rotorid.io.folders import scratch_folder
 
 _LOGS_OF_A_CHILD = 200
@@ -44,6 +42,8 @@ _CONNECT_S = 30.0
 _LIBRARIES = ("numpy", "scipy", "numba")
 _WORK = "rotorid.fleets.work:answer"
 _READY = b"ready\n"
+_PROGRAM = "rotorid.fleets.worker"
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,11 +87,21 @@ class _DiedError(Exception):
 
 
 class Child:
-    """A process that answers one log after the other, and is replaced when it ends or has answered many."""
+    """A process that answers one log after the other, and is replaced when it ends or has answered many.
 
-    def __init__(self, limits: Limits) -> None:
+    Parameters
+    ----------
+    limits
+        Of each log.
+    program
+        What it runs; all children of a fleet have the same, whose imports are done once.
+    """
+
+    def __init__(self, limits: Limits, program: Program) -> None:
         self._limits = limits
-        self._process: subprocess.Popen[bytes] | None = None
+        self._program = program
+        self._process: Running | None = None
+        self._asks: IO[bytes] | None = None
         self._answers: queue.Queue[bytes] = queue.Queue()
         self._given = 0
 
@@ -111,16 +121,15 @@ class Child:
         if self._process is None or self._given >= _LOGS_OF_A_CHILD:
             self.close()
             self._start()
-        process = self._process
-        assert process is not None
-        assert process.stdin is not None
+        asks = self._asks
+        assert asks is not None
         self._given += 1
         try:
             # The first log of a child waits for its imports, which are not on its account.
             line = self._answers.get(timeout=_START_S) if self._given == 1 else _READY
             if line == _READY:
-                process.stdin.write((json.dumps(task.as_json()) + "\n").encode())
-                process.stdin.flush()
+                asks.write((json.dumps(task.as_json()) + "\n").encode())
+                asks.flush()
                 line = self._answers.get(timeout=self._limits.timeout_s)
         except queue.Empty:
             self.close()
@@ -135,42 +144,34 @@ class Child:
         raise _DiedError("died", f"The worker that read it ended with {why}.")
 
     def _start(self) -> None:
-        places = [entry for entry in sys.path if entry]
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "rotorid.fleets.worker", str(self._limits.memory_bytes), self._limits.work],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(places)},
-        )
+        words = [str(self._limits.memory_bytes), self._limits.work]
+        asked, asks = os.pipe()
+        answers, answered = os.pipe()
+        self._asks, stdout = open(asks, "wb"), open(answers, "rb")  # noqa: PTH123, SIM115
         self._answers, self._given = queue.Queue(), 0
-        threading.Thread(target=_listen, args=(self._process, self._answers), daemon=True).start()
+        with open(os.devnull, "wb") as nowhere, open(asked, "rb"), open(answered, "wb"):  # noqa: PTH123
+            self._process = self._program.start(words, stdin=asked, stdout=answered, stderr=nowhere.fileno())
+        threading.Thread(target=_listen, args=(stdout, self._answers), daemon=True).start()
 
     def close(self) -> int:
         """End it with everything that it started; its exit code."""
         process, self._process = self._process, None
         if process is None:
             return 0
-        code = process.poll()
-        if code is None:
-            # What it was about to say of itself is waited for, shortly.
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                code = process.wait(0.05)
-        end_session(process)
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
-        return process.returncode if code is None else code
+        # What it was about to say of itself is waited for, shortly.
+        with contextlib.suppress(TimeoutError):
+            process.wait(0.05)
+        process.end()
+        if self._asks is not None:
+            with contextlib.suppress(OSError):
+                self._asks.close()
+        return process.wait()
 
 
-def _listen(process: subprocess.Popen[bytes], answers: queue.Queue[bytes]) -> None:
+def _listen(stdout: IO[bytes], answers: queue.Queue[bytes]) -> None:
     """Lines of a child, and an empty one when no more come."""
-    assert process.stdout is not None
-    with contextlib.suppress(ValueError, OSError):
-        for line in process.stdout:
+    with contextlib.suppress(ValueError, OSError), stdout:
+        for line in stdout:
             answers.put(line)
     answers.put(b"")
 
@@ -198,7 +199,8 @@ class Processes:
         lock = threading.Lock()
         found: queue.Queue[LogAnswer | BaseException | None] = queue.Queue()
         ended = threading.Event()
-        children = [Child(self.limits) for _ in range(self.workers)]
+        program = Program(_PROGRAM, environment=_ONE_THREAD)
+        children = [Child(self.limits, program) for _ in range(self.workers)]
         busy = 0
 
         def take() -> Task | None:
@@ -256,6 +258,7 @@ class Processes:
             ended.set()
             for child in children:
                 child.close()
+            program.close()
 
 
 def _set_aside(task: Task, kind: Failure, reason: str) -> LogAnswer:
@@ -281,6 +284,7 @@ def _require_version(theirs: str) -> None:
 
 
 _children: dict[tuple[int, Limits], Child] = {}
+_of_cluster = Program(_PROGRAM, environment=_ONE_THREAD)
 
 
 def answer_here(task: dict[str, Any], limits: Limits, data: bytes | None = None) -> dict[str, Any]:
@@ -293,7 +297,7 @@ def answer_here(task: dict[str, Any], limits: Limits, data: bytes | None = None)
     """
     asked = Task.from_json(task)
     key = threading.get_ident(), limits
-    child = _children.setdefault(key, Child(limits))
+    child = _children.setdefault(key, Child(limits, _of_cluster))
     address = asked.place.address
     with contextlib.ExitStack() as stack:
         if data is not None:

@@ -9,16 +9,31 @@ import contextlib
 import json
 import os
 import sys
+from collections.abc import Sequence
 from importlib import import_module
 
 from rotorid.io.children import end_with_parent
 
+_NEEDED = (
+    "fleets.work",
+    "identifying.identify_many",
+    "reviewing.assembly",
+    "reviewing.baseline",
+    "search.multistart",
+    "simulation.linear_kernels",
+    "verification.kernels",
+)
 
-def main() -> None:
-    """Answer tasks until there are no more."""
-    memory_bytes, work = int(sys.argv[1]), sys.argv[2]
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ[name] = "1"
+
+def prepare() -> None:
+    """Import what logs need, before the first one waits for it."""
+    for module in _NEEDED:
+        import_module(f"rotorid.{module}")
+
+
+def begin(words: Sequence[str]) -> None:
+    """Answer tasks until there are no more: the limit of memory, and ``module:function`` of what answers one."""
+    memory_bytes, work = int(words[0]), words[1]
     end_with_parent()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
@@ -53,4 +68,4 @@ def _limit(memory_bytes: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    begin(sys.argv[1:])

@@ -108,13 +108,14 @@ def test_what_stops_a_reader_is_said(
     wrong: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the worker's last line, not as the last line of a traceback."""
-    (tmp_path / "failing_worker.py").write_text(
+    worker = f"failing_by_{wrong.partition('(')[0].lower()}"
+    (tmp_path / f"{worker}.py").write_text(
         "import sys\nfrom rotorid.cli import lab_worker\nimport rotorid.lab.tracks as tracks\n"
         f"def fail(*_):\n    raise {wrong}\ntracks.write_tracks = fail\nbegin = lab_worker.begin\n",
         encoding="utf-8",
     )
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(lab_workers, "_PROGRAM", "failing_worker")
+    monkeypatch.setattr(lab_workers, "_PROGRAM", worker)
     workers = Workers()
     job = workers.start(["read", "a", "b"], tmp_path / "job")
     assert job.ended.wait(60.0)
