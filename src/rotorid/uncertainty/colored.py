@@ -20,6 +20,8 @@ from rotorid.typing import ComplexArray, FloatArray
 _LONGEST_MEMORY = 40
 _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
+_AT_REST = 1e-4
+"""Of the power of the residuals: what rounds still add of that changes no order and no covariance."""
 _NEGLIGIBLE = 0.02
 _SAME_RATE = 1.1
 """Largest ratio of sample rates at which records share an autoregression."""
@@ -118,6 +120,7 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
     processes = plain = _of_each(parts, None)
     given, moved = [np.zeros(()) for _ in parts], np.inf
+    power = sum(float(np.sum(part.residual**2)) for part in parts)
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
         missing = _missing(taken, processes, parameters)
         before, moved = moved, float(np.sqrt(sum(np.sum((m - g) ** 2) for m, g in zip(missing, given, strict=True))))
@@ -125,6 +128,8 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
             # Errors that outlast the record leave no rest: rounds jump by ten times, residuals alone err by two.
             return plain
         processes, given = _of_each(parts, missing), missing
+        if moved <= _AT_REST * power:
+            break
     return processes
 
 
@@ -210,7 +215,7 @@ _MOST_NUMBERS = 4_000_000
 def _missing(taken: Sequence[FloatArray], processes: Sequence[Process], parameters: int) -> list[FloatArray]:
     """Loss of the sums of products of residuals by a fit: for each record all lags, shape ``(lags, y, y)``."""
     late = [_colored(basis, process) for basis, process in zip(taken, processes, strict=True)]
-    inner = [np.einsum("nya,nyb->ab", basis, lagged) for basis, lagged in zip(taken, late, strict=True)]
+    inner = [_products(basis, lagged) for basis, lagged in zip(taken, late, strict=True)]
     # Parameters are shared by all records, unknowns are not.
     shared = sum((values[-parameters:, -parameters:] for values in inner), start=np.zeros((parameters, parameters)))
     for values in inner:
@@ -284,11 +289,11 @@ def autoregression(residuals: Sequence[FloatArray], *, missing: FloatArray | Non
         lags.append(total / (count - lag * len(residuals)))
     sums = np.stack(lags)
     together = _fitted(sums, count)
-    separate = [_fitted(sums[:, output : output + 1, output : output + 1], count) for output in range(outputs)]
+    if outputs == 1:
+        return together.process
+    separate = _separate(np.einsum("kyy->ky", sums), count)
     # Barely correlated outputs are better described separately, each with its own memory.
-    if sum(fitted.criterion for fitted in separate) < together.criterion:
-        return _stacked([fitted.process for fitted in separate])
-    return together.process
+    return separate.process if separate.criterion < together.criterion else together.process
 
 
 class _Fitted(NamedTuple):
@@ -309,13 +314,27 @@ def _fitted(lags: FloatArray, count: int) -> _Fitted:
     return _Fitted(best, lowest)
 
 
-def _stacked(processes: Sequence[Process]) -> Process:
-    """Processes of one output each as one of all."""
-    order = max(len(process.coefficients) for process in processes)
-    coefficients = np.zeros((order, len(processes), len(processes)))
-    for output, process in enumerate(processes):
-        coefficients[: len(process.coefficients), output, output] = process.coefficients[:, 0, 0]
-    return Process(coefficients, np.diag([float(process.noise[0, 0]) for process in processes]))
+def _separate(lags: FloatArray, count: int) -> _Fitted:
+    """The same for each output alone, of autocovariances ``(lags, y)``: the criterion is that of all."""
+    outputs = lags.shape[1]
+    coefficients, noise = np.zeros((0, outputs)), lags[0]
+    best, of_best, lowest, longest = np.zeros_like(lags[1:]), noise, np.full(outputs, np.inf), 0
+    stable = np.ones(outputs, dtype=np.bool_)
+    for order in range(len(lags)):
+        if order:
+            delta = lags[order] - (coefficients * lags[order - 1 : 0 : -1]).sum(axis=0)
+            reflection = np.divide(delta, noise, out=np.zeros(outputs), where=noise > 0.0)
+            coefficients = np.vstack([coefficients - reflection * coefficients[::-1], reflection])
+            noise = noise - reflection * delta
+            stable &= noise > 0.0
+        spare = max(count - order - 1, 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            criterion = np.where(stable, count * np.log(noise) + 2.0 * order * count / spare, np.inf)
+        lower = criterion < lowest
+        if lower.any():
+            best[:order, lower], longest = coefficients[:, lower], order
+            of_best, lowest = np.where(lower, noise, of_best), np.where(lower, criterion, lowest)
+    return _Fitted(Process(best[:longest, :, None] * np.eye(outputs), np.diag(of_best)), float(lowest.sum()))
 
 
 def _whittle(lags: FloatArray) -> list[Process]:
@@ -341,8 +360,12 @@ def _whittle(lags: FloatArray) -> list[Process]:
 
 def _middle(slopes: FloatArray, process: Process) -> FloatArray:
     r""":math:`S^T \Sigma S` of one record."""
-    middle: FloatArray = np.einsum("nya,nyb->ab", slopes, _colored(slopes, process))
-    return middle
+    return _products(slopes, _colored(slopes, process))
+
+
+def _products(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Sums over samples and outputs of products of columns ``(n, y, a)`` and ``(n, y, b)``, shape ``(a, b)``."""
+    return np.asarray(one.reshape(-1, one.shape[2]).T @ other.reshape(-1, other.shape[2]))
 
 
 def _colored(columns: FloatArray, process: Process) -> FloatArray:
