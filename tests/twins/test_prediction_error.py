@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 from rotorid.fitting.time.output_error import TimeData, TimeProblem, fit_output_error
-from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
+from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error, fit_with_noise
 from rotorid.models.library import rate_model
 from rotorid.models.parameter import ParameterSet
 from rotorid.models.structure import LinearStructure
@@ -111,6 +111,35 @@ def test_output_error_is_biased_where_prediction_error_is_not() -> None:
     assert (np.abs(predicted.error) < 4.0 * predicted.std).all()
     assert (np.abs(simulated.error) > 4.0 * predicted.std).any()
     assert np.abs(simulated.error / simulated.std).max() > 10.0
+
+
+def alone_by_the_noise_of_all(seeds: range) -> FloatArray:
+    """Errors of each flight over its standard deviations, shape ``(flights, 3)``."""
+    structure, parameters = vehicle()
+    start = parameters.with_values({"L_p": 1.0, "L_roll": 30.0, "tau_roll": 0.02})
+    flights = tuple(flown(seed) for seed in seeds)
+    together = InnovationsProblem(structure=structure, parameters=start, records=flights, hold="zero")
+    theta = fit_prediction_error(together).solution.theta
+    scaled = []
+    for flight in flights:
+        found = fit_with_noise(replace(together, records=(flight,)), theta)
+        assert found.solution.theta[len(TRUTH) :].tolist() == theta[len(TRUTH) :].tolist()
+        scaled.append([(found.parameters.values[name] - TRUTH[name]) / found.std[name] for name in TRUTH])
+    return np.array(scaled)
+
+
+def test_flights_alone_find_the_truth_by_the_noise_of_all() -> None:
+    assert (np.abs(alone_by_the_noise_of_all(range(20, 23))) < 4.0).all()
+
+
+@pytest.mark.slow
+def test_intervals_of_flights_alone_cover_the_truth() -> None:
+    scaled = np.concatenate([alone_by_the_noise_of_all(range(seed, seed + 4)) for seed in range(1000, 1200, 4)])
+    covered = np.mean(np.abs(scaled) < 1.96, axis=0)
+    print(dict(zip(TRUTH, np.stack([covered, scaled.mean(axis=0), scaled.std(axis=0)], axis=1).tolist(), strict=True)))
+    # 200 flights: 0.95 within three standard deviations of its own.
+    assert (covered >= 0.9).all(), covered
+    assert (covered <= 0.995).all(), covered
 
 
 @pytest.mark.slow

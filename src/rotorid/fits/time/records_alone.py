@@ -3,7 +3,8 @@
 What the structure lacks comes by :mod:`rotorid.uncertainty.time_error`, clocks and scales by
 :mod:`rotorid.uncertainty.clocks`.
 Records that each move every input are fitted alone, from the values of all together: how they scatter is evidence that
-no model of the errors gives. One that does not determine the parameters is not compared.
+no model of the errors gives. A predictor has the noise of all together. A record that does not determine the parameters
+is not compared.
 """
 
 from __future__ import annotations
@@ -201,7 +202,7 @@ def _fitted(problem: RecordsProblem, start: FloatArray) -> Fit:
     if isinstance(problem, TimeProblem):
         own = own_starts(problem) if any(problem.parameters[name].starts for name in problem.parameters.free) else []
         return fit_output_error(problem, starts=[start, *own])
-    from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_prediction_error
+    from rotorid.fitting.time.prediction_error import InnovationsProblem, fit_with_noise
 
     assert isinstance(problem, InnovationsProblem)
-    return fit_prediction_error(problem, starts=[start])
+    return fit_with_noise(problem, start)

@@ -25,7 +25,7 @@ At its solution the gain is the best one, so that a change of it does not move :
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -93,6 +93,8 @@ class NoiseModel(Immutable):
         Natural standard deviation of each sensor, shape ``(y,)``.
     gusts, jolts
         Which disturbances there are.
+    known
+        Parameters of a noise that was identified before, shape ``(k,)``: then none is left to identify.
     """
 
     disturbed: tuple[int, ...]
@@ -100,6 +102,7 @@ class NoiseModel(Immutable):
     sensors: FloatArray
     gusts: bool = True
     jolts: bool = True
+    known: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if not self.disturbed or not (self.gusts or self.jolts):
@@ -113,7 +116,8 @@ class NoiseModel(Immutable):
             raise UsageError(
                 "the typical size of a noise is not positive", remedy="leave out signals that never change"
             )
-        self._set(disturbed=tuple(int(row) for row in self.disturbed), forces=forces, sensors=sensors)
+        known = None if self.known is None else read_only(self.known, np.float64, ndim=1)
+        self._set(disturbed=tuple(int(row) for row in self.disturbed), forces=forces, sensors=sensors, known=known)
 
     @cached_property
     def _triangle(self) -> tuple[tuple[int, int], ...]:
@@ -130,7 +134,9 @@ class NoiseModel(Immutable):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
+        """Names of the parameters to identify."""
+        if self.known is not None:
+            return ()
         gusts = [f"gust_{i + 1}" if i == j else f"gust_{i + 1}_with_{j + 1}" for i, j in self._triangle]
         jolts = [f"jolt_{i + 1}" for i in range(len(self.disturbed))] if self.jolts else []
         ratios = [f"sensor_ratio_{i + 1}" for i in range(self._ratios.shape[1])]
@@ -143,8 +149,8 @@ class NoiseModel(Immutable):
 
     @property
     def start(self) -> FloatArray:
-        """Natural sizes: gusts of 1 s, shape ``(k,)``."""
-        return self.theta()
+        """Natural sizes: gusts of 1 s, shape ``(k,)``; nothing where the noise is known."""
+        return self.theta()[: len(self.names)]
 
     def theta(
         self,
@@ -174,6 +180,8 @@ class NoiseModel(Immutable):
     @cached_property
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the parameters, each shape ``(k,)``."""
+        if self.known is not None:
+            return np.zeros(0), np.zeros(0)
         reach = np.log(_REACH)
         first = [np.log(1e-3 * _FIRST_CORRELATION_S)] if self.gusts else []
         last = [np.log(1e3 * _FIRST_CORRELATION_S)] if self.gusts else []
@@ -185,6 +193,14 @@ class NoiseModel(Immutable):
 
     def at(self, theta: FloatArray) -> NoiseLevels:
         """Noise and its derivatives at some parameters, shape ``(k,)``."""
+        if self.known is not None:
+            levels = replace(self, known=None).at(self.known)
+            return levels._replace(
+                dcorrelation_s=levels.dcorrelation_s[:0],
+                dgusts=levels.dgusts[:0],
+                djolts=levels.djolts[:0],
+                dsensors=levels.dsensors[:0],
+            )
         count, d, y = theta.size, len(self.disturbed), self.sensors.size
         root = np.zeros((d, d)) if self.gusts else np.zeros((0, 0))
         droot = np.zeros((count, *root.shape))

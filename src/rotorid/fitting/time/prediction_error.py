@@ -367,6 +367,10 @@ class InnovationsProblem(RecordsProblem):
         """The same problem with jolts only."""
         return replace(self, noise=replace(self.noise_model, gusts=False))
 
+    def with_known_noise(self, theta: FloatArray) -> InnovationsProblem:
+        """The same problem with the noise of some solution, where only the parameters of the model are unknown."""
+        return replace(self, noise=replace(self.noise_model, known=self.split(theta)[1]))
+
     def split(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The parameters of the model and those of the noise."""
         count = len(self.parameters.free)
@@ -822,6 +826,37 @@ def fit_prediction_error(
     return answer(problem, solution)
 
 
+def fit_with_noise(
+    problem: InnovationsProblem, theta: FloatArray, *, solver: LevenbergMarquardt | None = None
+) -> PredictionErrorFit:
+    """Fit the model with the noise of an earlier solution, as for one flight of several.
+
+    One flight shows its noise badly: its likelihood has many minima in the noise, which move the parameters of the
+    model by as much as their deviation. In the covariance the noise counts as estimated.
+
+    Parameters
+    ----------
+    problem
+        Structure, records, noise model.
+    theta
+        Parameters to start at and the noise to keep, shape ``(p,)``.
+    solver
+        Local solver.
+
+    Raises
+    ------
+    InsufficientDataError
+        There are fewer samples than parameters, or there is no predictor.
+    """
+    model, noise = problem.split(theta)
+    found = fit_prediction_error(problem.with_known_noise(theta), starts=[model], solver=solver).solution
+    whole = np.concatenate([found.theta, noise])
+    residual, jacobian = problem.residuals(whole)
+    lower, upper = problem.box
+    on_bound = tuple(((whole <= lower) | (whole >= upper)).tolist())
+    return answer(problem, replace(found, theta=whole, residual=residual, jacobian=jacobian, at_bound=on_bound))
+
+
 def _converged(solution: Solution, count: int) -> Solution:
     """A noise without effect has no smallest size: a search for it that gains nothing more has converged."""
     if solution.outcome is Outcome.CONVERGED:
@@ -836,7 +871,7 @@ def _converged(solution: Solution, count: int) -> Solution:
 def _search(problem: InnovationsProblem, start: FloatArray, solver: LevenbergMarquardt) -> Solution:
     """The minimum from one start: with jolts alone, then with the gusts that promise most."""
     noise = problem.noise_model
-    if not (noise.gusts and noise.jolts):
+    if noise.known is not None or not (noise.gusts and noise.jolts):
         return problem.minimized(solver, start)
     count = len(problem.parameters.free)
     model, gusts, jolts = np.split(start, [count, count + noise.of_gusts])
