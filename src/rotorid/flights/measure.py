@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -46,8 +46,9 @@ from rotorid.signal.autopilot_filters import filter_findings, given_filters, kno
 from rotorid.signal.stamps import clock_error_s, largest_clock_s
 from rotorid.spectral.composite import Composition
 from rotorid.spectral.derived import corrected
-from rotorid.spectral.estimate import Diagnostics, Known, diagnosed_response
+from rotorid.spectral.estimate import Diagnostics, Known, measured_spectra, response_from
 from rotorid.spectral.joined import by_input, joined_diagnostics, joined_responses
+from rotorid.spectral.spectra import Spectra
 from rotorid.spectral.windows import (
     ENDING,
     HALF_SINE,
@@ -90,9 +91,9 @@ class Measurement(NamedTuple):
 
     def repeated(self, records: Sequence[TimeHistory], settings: MeasureSettings, known: Known) -> FrequencyResponse:
         """The response of records without a known response, and that, by the same windows, grid and instruments."""
-        return _respond(
-            records, self.inputs, self.outputs, self.omega_rad_s, self.windows, settings, self.instruments, known
-        )[0]
+        channels = self.inputs, self.outputs, self.instruments
+        spectra = _spectra(records, *channels, self.omega_rad_s, self.windows, settings)
+        return _respond(spectra, *channels, self.windows, settings, known)[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -408,10 +409,11 @@ def _measured(
     records = histories(segments)
     agreement = sensor_agreement(flights)
     errors, unchecked = unchecked_scales(agreement, outputs, sensor_errors(agreement, outputs))
-    direct, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings)
+    spectra = _spectra(records, inputs, outputs, instruments, omega_rad_s, windows, settings)
+    direct, diagnostics = _respond(spectra, inputs, outputs, (), windows, settings)
     joint = None
     if instruments:
-        joint, diagnostics = _respond(records, inputs, outputs, omega_rad_s, windows, settings, instruments)
+        joint, diagnostics = _respond(spectra, inputs, outputs, instruments, windows, settings)
     # An input that is the excitation itself needs no instrument, nor does one that comes straight from the stick.
     free = open_loop(flights, *inputs) or all(is_free(flights, name) for name in inputs)
     unknown = settings.estimate == "auto" and not instruments and not free
@@ -657,19 +659,22 @@ _COMPOSITIONS: Mapping[CompositionChoice, Composition] = {
 _TAPERS: Mapping[TaperChoice, Taper] = {"hann": HANN, "half_sine": HALF_SINE}
 
 
-def _respond(
+_Spectra: TypeAlias = Mapping[tuple[float, ...], tuple[Spectra, BoolArray]]
+"""Lengths of windows to the spectra by them."""
+
+
+def _spectra(
     records: Sequence[TimeHistory],
     inputs: Sequence[str],
     outputs: Sequence[str],
+    instruments: Sequence[str],
     omega_rad_s: FloatArray,
     windows: Mapping[str, WindowPlan],
     settings: MeasureSettings,
-    instruments: Sequence[str] = (),
-    known: Known | None = None,
-) -> tuple[FrequencyResponse, Diagnostics]:
-    """Responses with the windows that were planned for each input."""
-    found = {
-        plan.lengths_s: diagnosed_response(
+) -> _Spectra:
+    """Spectra for responses with and without instruments, by the windows that were planned for each input."""
+    return {
+        plan.lengths_s: measured_spectra(
             records,
             inputs=inputs,
             outputs=outputs,
@@ -678,11 +683,33 @@ def _respond(
             windows_s=plan.lengths_s,
             overlap=settings.overlap,
             taper=_TAPERS[settings.taper],
-            composition=_COMPOSITIONS[settings.composition],
-            known=known,
             within=plan.within,
         )
         for plan in _different(windows)
+    }
+
+
+def _respond(
+    spectra: _Spectra,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    instruments: Sequence[str],
+    windows: Mapping[str, WindowPlan],
+    settings: MeasureSettings,
+    known: Known | None = None,
+) -> tuple[FrequencyResponse, Diagnostics]:
+    """Responses with the windows that were planned for each input."""
+    found = {
+        lengths_s: response_from(
+            of_lengths,
+            inputs=inputs,
+            outputs=outputs,
+            instruments=instruments,
+            asked=asked,
+            composition=_COMPOSITIONS[settings.composition],
+            known=known,
+        )
+        for lengths_s, (of_lengths, asked) in spectra.items()
     }
     if len(found) == 1:
         return next(iter(found.values()))

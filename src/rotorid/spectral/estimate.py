@@ -271,11 +271,65 @@ def diagnosed_response(
         The response, and on the same grid shares and errors of the windows, multiple coherence, what was taken out as
         leakage, and how the inputs move together.
     """
-    _require_choices(inputs, outputs, instruments, composition=composition, leakage=leakage)
-    # The inputs as their own instruments, in whatever order, are the direct estimate.
-    joint = bool(instruments) and set(instruments) != set(inputs)
-    drivers = tuple(instruments) if joint else tuple(inputs)
-    names = tuple(dict.fromkeys([*drivers, *inputs, *outputs]))
+    spectra, asked = measured_spectra(
+        records,
+        inputs=inputs,
+        outputs=outputs,
+        instruments=instruments,
+        omega_rad_s=omega_rad_s,
+        windows_s=windows_s,
+        overlap=overlap,
+        taper=taper,
+        slopes=leakage == "corrected",
+        within=within,
+    )
+    return response_from(
+        spectra,
+        inputs=inputs,
+        outputs=outputs,
+        instruments=instruments,
+        asked=asked,
+        composition=composition,
+        leakage=leakage,
+        known=known,
+    )
+
+
+def measured_spectra(
+    records: Sequence[TimeHistory],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    instruments: Sequence[str] = (),
+    omega_rad_s: FloatArray,
+    windows_s: Sequence[float],
+    overlap: float = 0.8,
+    taper: Taper = HANN,
+    slopes: bool = True,
+    within: float = math.inf,
+) -> tuple[Spectra, BoolArray]:
+    """Spectra from which :func:`response_from` makes the joint estimate of records, and the direct one.
+
+    Parameters
+    ----------
+    records, inputs, outputs, instruments, omega_rad_s, windows_s, overlap, taper, within
+        As in :func:`diagnosed_response`.
+    slopes
+        Whether leakage can be taken out.
+
+    Returns
+    -------
+    Spectra, numpy.ndarray
+        The spectra on a grid that is nowhere coarse, and which points of it were asked for.
+
+    Raises
+    ------
+    UsageError, InsufficientDataError
+        As :func:`frequency_response`.
+    """
+    _require_channels(inputs, outputs, instruments)
+    drivers = tuple(dict.fromkeys([*(instruments if _separate(instruments, inputs) else ()), *inputs]))
+    names = tuple(dict.fromkeys([*drivers, *outputs]))
     chosen = [_select(record, names) for record in records]
     require_finite(chosen)
     require_motion(chosen)
@@ -288,20 +342,16 @@ def diagnosed_response(
         windows_s=windows_s,
         overlap=overlap,
         taper=taper,
-        slopes=leakage == "corrected",
+        slopes=slopes,
         kept=len(drivers),
         within=within,
     )
-    return response_from(
-        spectra,
-        inputs=inputs,
-        outputs=outputs,
-        instruments=drivers if joint else (),
-        asked=asked,
-        composition=composition,
-        leakage=leakage,
-        known=known,
-    )
+    return spectra, asked
+
+
+def _separate(instruments: Sequence[str], inputs: Sequence[str]) -> bool:
+    """Whether an estimate is joint: the inputs as their own instruments, in whatever order, are the direct one."""
+    return bool(instruments) and set(instruments) != set(inputs)
 
 
 def response_from(
@@ -336,9 +386,13 @@ def response_from(
 
     Raises
     ------
+    UsageError
+        A choice is none that there is.
     InsufficientDataError
         The inputs are proportional to each other.
     """
+    _require_choices(composition=composition, leakage=leakage)
+    instruments = instruments if _separate(instruments, inputs) else ()
     channels = spectra.matrices[0].channels
     input_rows = [channels.index(name) for name in inputs]
     driver_rows = [channels.index(name) for name in instruments or inputs]
@@ -412,9 +466,7 @@ def _respond(composer: Composer, output: int, known: ComplexArray | None) -> _An
     return _Answer(composed, draft.values / composed.values - 1.0, corrected)
 
 
-def _require_choices(
-    inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str], *, composition: str, leakage: str
-) -> None:
+def _require_channels(inputs: Sequence[str], outputs: Sequence[str], instruments: Sequence[str]) -> None:
     """Refuse calls that would be answered, but not with what was meant."""
     if not inputs or not outputs:
         raise UsageError(f"got {len(inputs)} inputs and {len(outputs)} outputs", needed="at least one of each")
@@ -426,6 +478,9 @@ def _require_choices(
                 f"{name} is both an instrument and an output",
                 needed="instruments that excite the inputs and contain no feedback",
             )
+
+
+def _require_choices(*, composition: str, leakage: str) -> None:
     for what, given, kind in (("composition", composition, Composition), ("leakage", leakage, Leakage)):
         if given not in get_args(kind):
             raise UsageError(f"unknown {what} {given!r}", needed=f"one of {', '.join(get_args(kind))}")
