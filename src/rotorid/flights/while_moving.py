@@ -121,7 +121,8 @@ def _slid(rows: ComplexArray, sums: ComplexArray, length: int) -> ComplexArray:
     rows[0] *= 0.5
     rows[0] += np.multiply(rows[1], back, out=rows[1])
     rows[0] += np.multiply(rows[2], turn, out=rows[2])
-    return rows[0]
+    slid: ComplexArray = rows[0]
+    return slid
 
 
 def _turning(angle: float, count: int) -> ComplexArray:
