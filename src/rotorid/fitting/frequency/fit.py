@@ -343,8 +343,9 @@ def refine(problem: FrequencyProblem, solution: Solution) -> Solution:
         errors = problem.errors_about(solution.theta)
 
         def normalized(theta: FloatArray, errors: ResidualErrors = errors) -> tuple[FloatArray, FloatArray]:
-            residual, jacobian = problem.residuals(theta)
-            return errors.whitened(residual), errors.whitened(jacobian)
+            # Together: the time goes into reading the factor, once for all columns.
+            white = errors.whitened(np.column_stack(problem.residuals(theta)))
+            return white[:, 0], white[:, 1:]
 
         solution = solver.minimize(normalized, solution.theta, *problem.box)
     return solution

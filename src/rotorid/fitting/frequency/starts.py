@@ -111,12 +111,14 @@ class Roles(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _States:
-    """States that explain the measured outputs at many parameters, and the covariance of their errors.
+    """States that explain the measured outputs at many parameters, and their errors.
 
-    Shapes ``(b, f, x, u)`` and ``(b, f, u, x, x)``, with one ``b`` where all are the same.
+    States, ``(b, f, x, u)``; the directions that known equations leave open, ``(b, f, x, d)``; and the covariance of
+    the errors along these, ``(b, f, u, d, d)``. Of the last two there is one ``b`` where all are the same.
     """
 
     values: ComplexArray
+    open: ComplexArray
     covariance: ComplexArray
 
 
@@ -230,8 +232,7 @@ def _states(problem: FrequencyProblem, system: Matrices, known: BoolArray) -> _S
     scaled = normal / (scale[..., :, None] * scale[..., None, :]) + _UNSEEN * np.eye(normal.shape[-1])
     inverse = np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :])
     open_part = (inverse @ (turned @ rest))[..., 0].swapaxes(-1, -2)
-    wide = basis[:, :, None]
-    return _States(particular + basis @ open_part, wide @ inverse @ wide.conj().swapaxes(-1, -2))
+    return _States(particular + basis @ open_part, basis, inverse)
 
 
 def _inverse_and_kernel(matrices: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -263,9 +264,9 @@ def _spread(problem: FrequencyProblem, system: Matrices, states: _States, role: 
     """Standard deviations of the errors of the unknown equations that the data explain, ``(b, f, i, u)``."""
     rows, omega = ~role.known, problem.points.omega_rad_s
     jw = 1j * omega[:, None, None]
-    factor = (jw * system.M[:, None] - system.F[:, None])[:, :, rows]
-    moved = factor[:, :, None] @ states.covariance
-    variance = np.sum(moved.real * factor.real[:, :, None] + moved.imag * factor.imag[:, :, None], axis=-1)
+    factor = ((jw * system.M[:, None, rows] - system.F[:, None, rows]) @ states.open)[:, :, None]
+    moved = factor @ states.covariance
+    variance = np.sum(moved.real * factor.real + moved.imag * factor.imag, axis=-1)
     level = np.abs(jw * system.M[:, None, rows]) @ np.abs(states.values)
     spread = np.sqrt(np.maximum(variance.swapaxes(-1, -2), 0.0) + (_EQUATION_FLOOR * level) ** 2)
     # An equation without any state in it, at a frequency where nothing was measured, says nothing.
@@ -283,13 +284,17 @@ def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, F
     known = np.isfinite(length).all(axis=1) & np.isfinite(right).all(axis=1)
     step, misfit = np.zeros((count, derivative.shape[1])), np.full(count, np.inf)
     length = np.where(length > 0.0, length, 1.0)[known]
-    matrix, right = matrix[known], right[known]
-    turned, singular, left = np.linalg.svd(matrix / length[..., None], full_matrices=False)
+    stacked = np.concatenate([matrix[known] / length[..., None], right[known][:, None]], axis=1)
+    # A triangle holds all that least squares ask for, and has as few rows as there are parameters.
+    triangle = np.linalg.qr(stacked.swapaxes(1, 2), mode="r")
+    small, right = triangle[..., :-1], triangle[..., -1:]
+    left, singular, turned = np.linalg.svd(small, full_matrices=False)
     large = singular > _EQUATION_RANK * singular.max(axis=1, keepdims=True, initial=0.0)
-    along = np.where(large, (left @ right[..., None])[..., 0] / np.where(large, singular, 1.0), 0.0)
-    step[known] = -(turned @ along[..., None])[..., 0] / length
-    rest = right + (step[known][:, None] @ matrix)[:, 0]
-    misfit[known] = np.mean(rest**2, axis=1)
+    along = (left.swapaxes(1, 2) @ right)[..., 0]
+    along = -np.where(large, along / np.where(large, singular, 1.0), 0.0)
+    scaled = turned.swapaxes(1, 2) @ along[..., None]
+    step[known] = scaled[..., 0] / length
+    misfit[known] = np.sum((right + small @ scaled)[..., 0] ** 2, axis=1) / stacked.shape[2]
     return step, misfit
 
 
