@@ -25,11 +25,14 @@ checks: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
-# A flight and two identifications: most of what is compiled, before the tests would do so on every core at once; then
-# the tests themselves, which pytest rewrites.
-compiled: $(VENV)/.installed-dev
+# A flight and two identifications: most of what is compiled, before the tests would do so on every core at once.
+compiled: $(VENV)/.installed-dev $(VENV)/collected
 	OPENBLAS_NUM_THREADS=1 $(BIN)/rotorid demo --quiet --force --out $(VENV)/compiled
-	$(BIN)/pytest --collect-only --quiet > $(VENV)/collected
+
+# The tests themselves, which pytest rewrites: once in an environment, later only those that changed since.
+$(VENV)/collected: $(VENV)/.installed-dev
+	$(BIN)/pytest --collect-only --quiet > $@.part
+	mv $@.part $@
 
 # The tests of what changed since BASE, nearest first, in about a minute; the nearest of the others are listed.
 BASE ?= HEAD
