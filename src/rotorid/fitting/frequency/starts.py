@@ -286,7 +286,7 @@ def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, F
     length = np.where(length > 0.0, length, 1.0)[known]
     stacked = np.concatenate([matrix[known] / length[..., None], right[known][:, None]], axis=1)
     # A triangle holds all that least squares ask for, and has as few rows as there are parameters.
-    triangle = np.linalg.qr(stacked.swapaxes(1, 2), mode="r")
+    triangle = np.asarray(np.linalg.qr(stacked.swapaxes(1, 2), mode="r"))
     small, right = triangle[..., :-1], triangle[..., -1:]
     left, singular, turned = np.linalg.svd(small, full_matrices=False)
     large = singular > _EQUATION_RANK * singular.max(axis=1, keepdims=True, initial=0.0)
