@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from importlib import import_module
+from inspect import signature
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
@@ -79,7 +80,8 @@ def _rebuild(kind: type[Value], state: Mapping[str, Any]) -> Value:
 def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameters, Value]:
     """Keep what a function of a value answers for as long as the value lives: values do not change.
 
-    The first argument is the value; the others have to be hashable. Errors are not kept.
+    The first argument is the value; the others have to be hashable. A default that is named asks for the same again.
+    Errors are not kept.
 
     Examples
     --------
@@ -91,10 +93,11 @@ def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameter
     ...     asked.append(unit)
     ...     return 10.0
     >>> log = Log()
-    >>> length(log), length(log), asked
-    (10.0, 10.0, ['s'])
+    >>> length(log), length(log), length(log, unit="s"), asked
+    (10.0, 10.0, 10.0, ['s'])
     """
     kept: WeakKeyDictionary[Any, dict[Any, Value]] = WeakKeyDictionary()
+    usual = {choice.name: choice.default for choice in signature(function).parameters.values()}.items()
 
     @wraps(function)
     def answer(*arguments: Parameters.args, **named: Parameters.kwargs) -> Value:
@@ -103,7 +106,7 @@ def cached_by_value(function: Callable[Parameters, Value]) -> Callable[Parameter
             return function(*arguments, **named)
         value, *others = arguments
         answers = kept.setdefault(value, {})
-        key = (*others, *sorted(named.items()))
+        key = (*others, *sorted(item for item in named.items() if item not in usual))
         if key not in answers:
             answers[key] = function(*arguments, **named)
         return answers[key]

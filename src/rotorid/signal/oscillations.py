@@ -40,7 +40,7 @@ from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import known_filters
 from rotorid.signal.limits import POWERED
 from rotorid.signal.motors import motor_limits
-from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray
+from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray, IntArray
 
 Loop: TypeAlias = Literal["rate", "attitude"]
 """Where an oscillation shows: in the command of the rate loop, or in the attitude less its set-point."""
@@ -231,10 +231,12 @@ class _Power(NamedTuple):
             return np.nan, np.nan
         return float(np.mean(self.at_limit[part])), float(np.mean(self.at_limit[part][powered]))
 
-    def runs(self, start_s: float, stop_s: float) -> bool:
-        """Whether the motors carry the vehicle for half of a window; believed where nothing is logged."""
-        first, last = np.searchsorted(self.time_s, [start_s, stop_s])
-        return not self.time_s.size or (last > first and float(np.mean(self.mean[first:last] >= POWERED)) >= 0.5)
+    def runs(self, starts_s: FloatArray, stops_s: FloatArray) -> BoolArray:
+        """In which windows the motors carry the vehicle for half of them; believed where nothing is logged."""
+        if not self.time_s.size:
+            return np.ones(starts_s.size, dtype=np.bool_)
+        powered, samples = _counted(self.time_s, self.mean >= POWERED, starts_s, stops_s)
+        return (samples > 0) & (2 * powered >= samples)
 
 
 def _power(record: FlightRecord) -> _Power:
@@ -361,16 +363,14 @@ def _move(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -
     if command is None:
         return f"The log has no {name}{' in the air' if name in record else ''}."
     length_s, above_hz = _WINDOWS[command.rate_hz >= _FAST_HZ]
-    windows = []
-    for window in _windows(command, length_s):
-        start_s, stop_s = command.time_s[window.start], command.time_s[window.stop - 1]
-        if power.runs(start_s, stop_s) and not _injected(record, axis, start_s, stop_s):
-            windows.append(window)
+    powered = _powered(command, length_s, power)
+    injected = _injected(record, axis, *_ends(command, powered))
+    windows = [window for window, tested in zip(powered, injected, strict=True) if not tested]
     if len(windows) < _FEWEST_WINDOWS:
         return (
             f"The log has less than {0.5 * (_FEWEST_WINDOWS + 1) * length_s:.0f} s of {name} in the air without tests."
         )
-    sizes = np.array([_size(command, window, above_hz) for window in windows])
+    sizes = _sizes(command, windows, above_hz)
     at_limit, limited = power.limited()
     run = _longest_run(command, windows, sizes, power)
     if float(np.median(sizes)) <= LARGEST_RMS and run:
@@ -486,24 +486,58 @@ def _windows(samples: _Samples, length_s: float) -> Iterator[slice]:
             yield slice(int(first), int(last))
 
 
-def _injected(record: FlightRecord, axis: Axis, start_s: float, stop_s: float) -> bool:
-    """Whether a test input moves the axis in a window: its command is then that of the test."""
+def _ends(samples: _Samples, windows: Sequence[slice]) -> tuple[FloatArray, FloatArray]:
+    """Stamps of the first and the last sample of each window."""
+    firsts = np.array([window.start for window in windows], dtype=np.intp)
+    lasts = np.array([window.stop for window in windows], dtype=np.intp) - 1
+    return samples.time_s[firsts], samples.time_s[lasts]
+
+
+def _counted(
+    time_s: FloatArray, true: BoolArray, starts_s: FloatArray, stops_s: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """How many samples of each window are true, and how many it has."""
+    firsts, lasts = np.searchsorted(time_s, starts_s), np.searchsorted(time_s, stops_s)
+    running = np.concatenate([[0], np.cumsum(true)])
+    return running[lasts] - running[firsts], lasts - firsts
+
+
+def _injected(record: FlightRecord, axis: Axis, starts_s: FloatArray, stops_s: FloatArray) -> BoolArray:
+    """In which windows a test input moves the axis: its command is then that of the test."""
+    injected = np.zeros(starts_s.size, dtype=np.bool_)
     for name in (f"{axis}_excitation", f"{axis}_setpoint_excitation"):
         for topic, row in record.holding(name):
-            first, last = np.searchsorted(topic.time_s, [start_s, stop_s])
-            if last > first and float(np.nanmax(np.abs(topic.values[row][first:last]), initial=0.0)) > 0.0:
-                return True
-    return False
+            injected |= _counted(topic.time_s, np.abs(topic.values[row]) > 0.0, starts_s, stops_s)[0] > 0
+    return injected
 
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _size(samples: _Samples, window: slice, above_hz: float) -> float:
-    """Spread of a window above a frequency; all of its spread where even that is small, which costs a tenth."""
-    whole = float(np.std(samples.values[window]))
-    return _rms(_above(samples, window, above_hz)) if whole > LARGEST_RMS else whole
+_AT_ONCE = 256
+"""Windows whose spread is taken together: more of them would fill the memory."""
+
+
+def _sizes(samples: _Samples, windows: Sequence[slice], above_hz: float) -> FloatArray:
+    """Spread of each window above a frequency; all of its spread where even that is small, which costs a tenth."""
+    sizes = _spreads(samples, windows)
+    for place in np.flatnonzero(sizes > LARGEST_RMS).tolist():
+        sizes[place] = _rms(_above(samples, windows[place], above_hz))
+    return sizes
+
+
+def _spreads(samples: _Samples, windows: Sequence[slice]) -> FloatArray:
+    """Standard deviation of the samples of each window."""
+    firsts = np.array([window.start for window in windows], dtype=np.intp)
+    lengths = np.array([window.stop for window in windows], dtype=np.intp) - firsts
+    spreads = np.zeros(firsts.size)
+    for length in np.unique(lengths).tolist():
+        alike = np.flatnonzero(lengths == length)
+        every = np.lib.stride_tricks.sliding_window_view(samples.values, length)
+        for part in np.split(alike, range(_AT_ONCE, alike.size, _AT_ONCE)):
+            spreads[part] = np.std(every[firsts[part]], axis=1)
+    return spreads
 
 
 def _above(samples: _Samples, window: slice, above_hz: float) -> FloatArray:
@@ -628,10 +662,9 @@ def _driven(record: FlightRecord, axis: Axis, line: _Line, flights: Intervals, p
 
 def _powered(samples: _Samples, length_s: float, power: _Power) -> list[slice]:
     """Windows in which the motors carry the vehicle."""
-    time_s = samples.time_s
-    return [
-        window for window in _windows(samples, length_s) if power.runs(time_s[window.start], time_s[window.stop - 1])
-    ]
+    windows = list(_windows(samples, length_s))
+    runs = power.runs(*_ends(samples, windows))
+    return [window for window, carried in zip(windows, runs, strict=True) if carried]
 
 
 class _Slow(NamedTuple):
@@ -649,8 +682,8 @@ def _attitude_swing(record: FlightRecord, axis: Axis, flights: Intervals, power:
         return None
     error = _Samples(angle.time_s, angle.values - setpoint.at(angle.time_s), angle.source)
     # What rings after a kick comes to rest in between.
-    parts = [float(np.std(error.values[window])) for window in _powered(error, _LINE_WINDOW_S, power)]
-    if len(parts) < _FEWEST_WINDOWS or float(np.percentile(parts, _QUIETEST_PERCENT)) < LARGEST_ERROR_RAD:
+    parts = _spreads(error, _powered(error, _LINE_WINDOW_S, power))
+    if parts.size < _FEWEST_WINDOWS or float(np.percentile(parts, _QUIETEST_PERCENT)) < LARGEST_ERROR_RAD:
         return None
     windows = _powered(error, _SLOW_WINDOW_S, power)
     line = _line(error, setpoint, windows, (_SLOW_BAND_HZ[0], min(_SLOW_BAND_HZ[1], 0.45 * angle.rate_hz)))
