@@ -14,7 +14,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any, TypeAlias
 
@@ -99,6 +99,21 @@ def numbers(values: FloatArray) -> list[float | None]:
     >>> numbers(np.array([3.14159265, np.nan, 1e-9]))
     [3.1416, None, 1e-09]
     """
+    if values.size > _LARGEST_KEPT:
+        return _significant(values)
+    return list(_kept_significant(np.asarray(values, dtype=np.float64).tobytes()))
+
+
+_LARGEST_KEPT = 512
+
+
+# One picture draws a grid of frequencies with each of its curves, and most of them again in its other units.
+@lru_cache(maxsize=256)
+def _kept_significant(values: bytes) -> tuple[float | None, ...]:
+    return tuple(_significant(np.frombuffer(values)))
+
+
+def _significant(values: FloatArray) -> list[float | None]:
     # Rounded before it is judged: the largest doubles round up to infinity.
     return _finite(_rounded(values, "%.5g"))
 
@@ -307,8 +322,10 @@ def stacked(panels: Sequence[Panel], *, x_axis: Mapping[str, Any]) -> Figure:
 
 def _least_span(panel: Panel) -> dict[str, Any]:
     """What keeps an axis from being spanned by the rounding of a computer, where values hardly differ."""
+    if panel.axis.get("type") == "log" or "range" in panel.axis:
+        return {}
     values = np.array([y for trace in panel.traces for y in trace.get("y") or () if isinstance(y, int | float)])
-    if not values.size or panel.axis.get("type") == "log" or "range" in panel.axis:
+    if not values.size:
         return {}
     low, high = float(values.min()), float(values.max())
     least = max(_ROUNDING, _LEAST_SPAN * max(abs(low), abs(high)))
