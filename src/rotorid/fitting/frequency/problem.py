@@ -185,6 +185,21 @@ class Points:
         return np.asarray(_SMALLEST_RATIO * np.abs(self.values))
 
     @cached_property
+    def of_response(self) -> IntArray:
+        """Places of the points in all responses, whose axes are frequency, output and input, shape ``(n,)``."""
+        return np.asarray((self.frequency * self.outputs + self.output) * self.inputs + self.input)
+
+    @cached_property
+    def of_left(self) -> IntArray:
+        """Places of the points in values of all frequencies and outputs, shape ``(n,)``."""
+        return np.asarray(self.frequency * self.outputs + self.output)
+
+    @cached_property
+    def of_right(self) -> IntArray:
+        """Places of the points in values of all frequencies and inputs, shape ``(n,)``."""
+        return np.asarray(self.frequency * self.inputs + self.input)
+
+    @cached_property
     def of_output(self) -> tuple[ComplexArray, ...]:
         """For each output, one at its points and zero at the others, shape ``(n,)``."""
         return _one_hot(self.output, self.outputs)
@@ -288,16 +303,21 @@ def _response(system: Matrices, points: Points) -> _Response:
     X = inverse @ system.G[:, None]
     H = system.H0[:, None] + jw * system.H1[:, None]
     L = H @ inverse
-    rational = (H @ X)[:, points.frequency, points.output, points.input]
+    rational = (H @ X).reshape(len(X), -1).take(points.of_response, axis=1)
     delays = system.output_delays_s[:, points.output] + system.input_delays_s[:, points.input]
     shift = np.exp(-points.point_s * delays)
     return _Response(
         values=rational * shift,
         inverse=inverse,
-        left=L.transpose(0, 3, 2, 1)[:, :, points.output, points.frequency],
-        right=X.transpose(0, 2, 3, 1)[:, :, points.input, points.frequency],
+        left=_at_points(L.transpose(0, 3, 1, 2), points.of_left),
+        right=_at_points(X.transpose(0, 2, 1, 3), points.of_right),
         shift=shift,
     )
+
+
+def _at_points(values: ComplexArray, places: IntArray) -> ComplexArray:
+    """Values ``(b, x, f, channels)`` at places in the last two axes as one, shape ``(b, x, n)``."""
+    return values.reshape(*values.shape[:2], -1).take(places, axis=2)
 
 
 def _inverse(matrices: ComplexArray) -> ComplexArray:
