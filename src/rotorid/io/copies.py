@@ -306,32 +306,31 @@ def _wait_to_begin(asks: socket.socket) -> list[str] | None:
             for key, _ in selector.select():
                 copy: _Known | None = key.data
                 if copy is None:
-                    length, given, *_ = socket.recv_fds(asks, _LENGTH_BYTES, _LENGTH_BYTES)
-                    if not length:
+                    asked = _asked(asks)
+                    if asked is None:
                         for other in known.values():
                             other.kill()
                         return None
-                    job = json.loads(_received(asks, int.from_bytes(length, "big")))
-                    control = socket.socket(fileno=given[0])
-                    job["parent"] = os.getpid()
-                    number = os.fork()
+                    job, control, streams = asked
+                    number = _fork()
                     if number == 0:
+                        selector.close()
                         for file in (asks, control, *(other.control for other in known.values())):
                             file.close()
-                        selector.close()
-                        _become(job, given[1:])
+                        _become(job, streams)
                         words: list[str] = job["words"]
                         return words
-                    for stream in given[1:]:
+                    for stream in streams:
                         os.close(stream)
+                    if number is None:
+                        control.close()
+                        continue
                     known[number] = made = _Known(number, os.pidfd_open(number), control)
                     selector.register(made.ends, selectors.EVENT_READ, made)
                     selector.register(control, selectors.EVENT_READ, made)
                     with contextlib.suppress(OSError):
                         control.send(str(number).encode())
-                elif copy.pid not in known:
-                    continue
-                elif key.fd == copy.ends:
+                elif copy.pid in known and key.fd == copy.ends:
                     del known[copy.pid]
                     selector.unregister(copy.ends)
                     with contextlib.suppress(KeyError):
@@ -339,17 +338,30 @@ def _wait_to_begin(asks: socket.socket) -> list[str] | None:
                     copy.bury()
                     os.close(copy.ends)
                     copy.control.close()
-                else:
+                elif copy.pid in known:
                     selector.unregister(copy.control)
                     copy.kill()
 
 
-def _received(asks: socket.socket, count: int) -> bytes:
-    parts = []
-    while count > 0 and (part := asks.recv(count)):
+def _asked(asks: socket.socket) -> tuple[dict[str, Any], socket.socket, list[int]] | None:
+    """What the next copy shall be, the socket for what becomes of it, and its streams; nothing at the end."""
+    length, files, *_ = socket.recv_fds(asks, _LENGTH_BYTES, _LENGTH_BYTES)
+    left, parts = int.from_bytes(length, "big"), [b""]
+    while left > 0 and (part := asks.recv(left)):
         parts.append(part)
-        count -= len(part)
-    return b"".join(parts)
+        left -= len(part)
+    if not length or left:
+        return None
+    control, *streams = files
+    return json.loads(b"".join(parts)) | {"parent": os.getpid()}, socket.socket(fileno=control), streams
+
+
+def _fork() -> int | None:
+    """Number of a copy of this process, 0 in it; nothing where the system makes none now."""
+    try:
+        return os.fork()
+    except OSError:
+        return None
 
 
 def _become(job: Mapping[str, Any], streams: Sequence[int]) -> None:

@@ -24,8 +24,12 @@ counted = []
 
 
 def prepare():
-    if os.environ.get("UNPREPARED"):
+    if os.environ.get("CANNOT") == "prepare":
         raise RuntimeError
+    if os.environ.get("CANNOT") == "fork":
+        def fork():
+            raise BlockingIOError
+        os.fork = fork
 
 
 def begin(words):
@@ -222,9 +226,10 @@ def test_the_copied_process_may_be_killed(place: Place) -> None:
 
 
 @needs_copies
-def test_what_cannot_be_prepared_is_started_anew(place: Place) -> None:
-    program = place.program(UNPREPARED="1")
-    assert place.code(program, "exit", "4") == 4
+@pytest.mark.parametrize("what", ["prepare", "fork"])
+def test_what_cannot_be_copied_is_started_anew(what: str, place: Place) -> None:
+    program = place.program(CANNOT=what)
+    assert [place.code(program, "exit", str(k)) for k in (4, 5)] == [4, 5]
     program.close()
 
 
