@@ -256,7 +256,7 @@ PICTURES = {"gains": ("roll-step", "roll-by-hand"), "fleet": ("fleet-population"
 
 @pytest.mark.parametrize("name", PICTURES)
 @pytest.mark.parametrize(("theme", "system", "ink"), [("dark", "light", "#d7dae0"), ("light", "dark", "#24292f")])
-def test_the_preferred_theme_is_that_of_every_picture(
+def test_the_preferred_theme_is_that_of_every_picture_and_each_is_saved_as_lines(
     name: str, theme: str, system: str, ink: str, page: Any, tmp_path: Path
 ) -> None:
     page.emulate_media(color_scheme=system)
@@ -268,15 +268,6 @@ def test_the_preferred_theme_is_that_of_every_picture(
         page.wait_for_selector(f"[data-picture={key}] .main-svg")
         drawn = f"document.querySelector('[data-picture={key}]').layout.template.layout.font.color"
         assert page.evaluate(drawn) == ink
-
-
-@pytest.mark.parametrize("name", PICTURES)
-def test_every_picture_is_saved_as_lines(name: str, page: Any, tmp_path: Path) -> None:
-    shown(page, themed(made(name), None, tmp_path))
-    if name == "gains":
-        page.click(".axis > summary")
-        page.click(".by-hand .minor > summary")
-    for key in PICTURES[name]:
         page.hover(f"[data-picture={key}]")
         with page.expect_download() as saved:
             page.click(f"[data-picture={key}] [data-title*='ownload']")
@@ -353,7 +344,18 @@ def test_titles_are_not_cut_on_a_phone(page: Any, tmp_path: Path) -> None:
     assert page.locator(".annotation-text tspan.line").count() > 0
 
 
-def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path) -> None:
+GAPS = """
+Array.from(document.querySelectorAll("[data-picture]"))
+  .filter((one) => one._fullLayout?.yaxis3 && one.layout.annotations)
+  .map(({ _fullLayout: { _size, ...layout } }) => {
+    const spans = Object.keys(layout).filter((name) => /^yaxis/.test(name)).map((name) => layout[name].domain);
+    spans.sort((a, b) => b[0] - a[0]);
+    return Math.min(...spans.slice(1).map((span, k) => (spans[k][0] - span[1]) * _size.h));
+  })
+"""
+
+
+def test_folded_parts_are_printed_whole_and_panels_keep_room_for_their_titles(page: Any, tmp_path: Path) -> None:
     shown(page, themed(made("hover"), None, tmp_path))
     page.emulate_media(media="print")
     closed = page.locator("details:not([open])").count()
@@ -364,25 +366,11 @@ def test_folded_parts_are_not_printed_as_bare_headings(page: Any, tmp_path: Path
     assert page.locator("details:not([open], .reading, .minor)").count() == 0
     undrawn = "[data-picture]:not(details:not([open]) *, :has(> .plot-container))"
     assert page.locator(undrawn).count() == 0
-    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-    assert page.locator("details:not([open])").count() == closed
-
-
-def test_panels_of_a_history_keep_room_for_their_titles_on_paper(page: Any, tmp_path: Path) -> None:
-    shown(page, themed(made("hover"), None, tmp_path))
-    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    gaps = page.evaluate("""
-      Array.from(document.querySelectorAll("[data-picture]"))
-        .filter((one) => one._fullLayout?.yaxis3 && one.layout.annotations)
-        .map(({ _fullLayout: { _size, ...layout } }) => {
-          const spans = Object.keys(layout).filter((name) => /^yaxis/.test(name)).map((name) => layout[name].domain);
-          spans.sort((a, b) => b[0] - a[0]);
-          return Math.min(...spans.slice(1).map((span, k) => (spans[k][0] - span[1]) * _size.h));
-        })
-    """)
+    gaps = page.evaluate(GAPS)
     assert gaps
     assert min(gaps) >= 9.0
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("details:not([open])").count() == closed
 
 
 @pytest.mark.slow
