@@ -173,19 +173,59 @@ def advance(
     """
     samples, order, parameters = forcing.shape
     outputs = measured.shape[0]
-    now, following = start.copy(), np.empty((order, parameters))
+    # Four states at a time, so that sums stay in registers; what is missing to the last four is zero.
+    width = -(-order // 4) * 4
+    onward, shown = np.zeros((order, width)), np.zeros((outputs, width))
+    onward[:, :order], shown[:, :order] = transition, measured
+    now, following = np.zeros((width, parameters)), np.zeros((width, parameters))
+    now[:order] = start
     for k in range(samples):
         for y in range(outputs):
-            for x in range(order):
-                factor = measured[y, x]
+            for x in range(0, width, 4):
+                a, b, c, d = shown[y, x], shown[y, x + 1], shown[y, x + 2], shown[y, x + 3]
                 for p in range(parameters):
-                    seen[k, y, p] += factor * now[x, p]
+                    seen[k, y, p] += a * now[x, p] + b * now[x + 1, p] + c * now[x + 2, p] + d * now[x + 3, p]
+        following[:order] = forcing[k]
         for i in range(order):
-            for p in range(parameters):
-                following[i, p] = forcing[k, i, p]
-            for j in range(order):
-                factor = transition[i, j]
+            for x in range(0, width, 4):
+                a, b, c, d = onward[i, x], onward[i, x + 1], onward[i, x + 2], onward[i, x + 3]
                 for p in range(parameters):
-                    following[i, p] += factor * now[j, p]
+                    following[i, p] += a * now[x, p] + b * now[x + 1, p] + c * now[x + 2, p] + d * now[x + 3, p]
         now, following = following, now
-    return now
+    return now[:order].copy()
+
+
+@njit(cache=True, fastmath={"contract"})
+def exponential_series(
+    matrix: FloatArray, moves: FloatArray, degree: int, squarings: int
+) -> tuple[FloatArray, FloatArray]:
+    r"""The sum of :math:`X^k / k!` up to a degree, squared so many times, and its derivatives along directions.
+
+    ``matrix`` has the shape ``(n, n)``, and ``moves``, with the directions side by side in memory, ``(n, n, p)``. The
+    sum is Horner's, :math:`1 + X (1 + X/2 (1 + X/3 (...)))`, and the derivatives are those of its products.
+    """
+    value, slopes = np.eye(len(matrix)) + matrix / degree, moves / degree
+    for k in range(degree - 1, 0, -1):
+        value, slopes = _product_rule(matrix, moves, value, slopes)
+        value, slopes = np.eye(len(matrix)) + value / k, slopes / k
+    for _ in range(squarings):
+        value, slopes = _product_rule(value, slopes, value, slopes)
+    return value, slopes
+
+
+@njit(cache=True, fastmath={"contract"})
+def _product_rule(
+    left: FloatArray, dleft: FloatArray, right: FloatArray, dright: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """A product of matrices ``(n, n)`` and its derivatives ``(n, n, p)``."""
+    order, _, count = dleft.shape
+    value, slopes = np.zeros((order, order)), np.zeros((order, order, count))
+    for i in range(order):
+        for j in range(order):
+            for k in range(order):
+                a, b = left[i, j], right[j, k]
+                value[i, k] += a * b
+                if a != 0.0 or b != 0.0:
+                    for p in range(count):
+                        slopes[i, k, p] += dleft[i, j, p] * b + a * dright[j, k, p]
+    return value, slopes

@@ -505,22 +505,16 @@ def exponential_tangent(matrix: FloatArray, moves: FloatArray) -> tuple[FloatArr
     >>> bool(np.allclose([value[0, 0], slope[0, 0, 0]], [np.exp(-1.0), 2.0 * np.exp(-1.0)], rtol=1e-15))
     True
     """
+    from rotorid.simulation.linear_kernels import exponential_series
+
     norm = float(np.abs(matrix).sum(axis=0).max(initial=0.0))
     if not np.isfinite(norm):
         return np.full_like(matrix, np.nan), np.full_like(moves, np.nan)
     squarings = max(0, int(np.ceil(np.log2(norm / _LARGEST_NORM)))) if norm > 0.0 else 0
-    X, dX = matrix * 0.5**squarings, moves * 0.5**squarings
-    identity = np.eye(len(matrix))
-    degree = _degree(norm * 0.5**squarings)
-    # Horner's scheme: 1 + X (1 + X/2 (1 + X/3 (...))).
-    value, slope = identity + X / degree, dX / degree
-    for k in range(degree - 1, 0, -1):
-        slope = (dX @ value + X @ slope) / k
-        value = identity + X @ value / k
-    for _ in range(squarings):
-        slope = slope @ value + value @ slope
-        value = value @ value
-    return value, slope
+    scale = 0.5**squarings
+    beside = np.ascontiguousarray(moves.transpose(1, 2, 0)) * scale
+    value, slopes = exponential_series(matrix * scale, beside, _degree(norm * scale), squarings)
+    return value, slopes.transpose(2, 0, 1)
 
 
 def _degree(norm: float) -> int:
