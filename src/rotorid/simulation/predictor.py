@@ -199,13 +199,27 @@ def innovation_slopes(
 
     step, tangent, order = model.step, model.tangent, len(gain)
     through = [model.dD * step.weights[tap] + model.D * tangent.weights[:, tap, None] for tap in range(2)]
-    direct = np.concatenate([part.transpose(2, 1, 0) for part in (model.dC, *through)])
+    at_once = [model.dC, *through, *(np.zeros_like(part) for part in (through[0], dgain[:, : len(whitening)]))]
+    direct = np.concatenate([part.transpose(2, 1, 0) for part in at_once])
     into = [tangent.transition - gain @ model.dC]
     into += [tangent.taps[:, tap].swapaxes(1, 2) - gain @ through[tap] for tap in range(2)]
     into += [tangent.taps[:, 2].swapaxes(1, 2), dgain]
     forcing = np.concatenate([part.transpose(2, 1, 0) for part in into])
-    regressors = np.hstack([run.states, *(step.shifted(u, before, tap).T for tap in range(3)), run.values])
-    seen = -np.einsum("ab,cbp->cap", whitening, direct)
+    # Inputs that never move are one constant.
+    moved = np.ptp(np.column_stack([before, u]), axis=1) > 0.0
+    kept = np.concatenate(
+        [np.ones(order, dtype=np.bool_), moved, moved, moved, np.ones(len(whitening), dtype=np.bool_)]
+    )
+    still = np.tile(u[~moved, 0], 3)
+    shifted = [step.shifted(u, before, tap)[moved].T for tap in range(3)]
+    regressors = np.hstack([run.states, *shifted, run.values, np.ones((len(run.states), 1))])
+    forcing, direct = (
+        np.concatenate([each[kept], np.tensordot(still, each[~kept], 1)[None]]) for each in (forcing, direct)
+    )
+    seen = -np.einsum("ab,cbp->cap", whitening, direct).reshape(len(direct), -1)
+    # What no parameter shows at once moves with the states alone.
+    moving = np.flatnonzero(seen.any(axis=0))
+    seen = seen[:, moving]
     measured = np.ascontiguousarray(-whitening @ model.C)
     closed = np.ascontiguousarray(step.transition - gain @ model.C)
     count = forcing.shape[2]
@@ -213,7 +227,9 @@ def innovation_slopes(
     for first in range(0, len(regressors), _CHUNK):
         z = regressors[first : first + _CHUNK]
         pushed = (z @ forcing.reshape(len(forcing), -1)).reshape(len(z), order, count)
-        slopes = (z[:, : len(seen)] @ seen.reshape(len(seen), -1)).reshape(len(z), -1, count)
+        flat = np.zeros((len(z), len(measured) * count))
+        flat[:, moving] = z @ seen
+        slopes = flat.reshape(len(z), -1, count)
         now = advance(closed, pushed, measured, now, slopes)
         yield slopes
 

@@ -23,8 +23,7 @@ import numpy as np
 
 from rotorid.data.record import STANDARD_UNITS
 from rotorid.fitting.frequency.error_shapes import SCALE_ERROR
-from rotorid.fitting.problem import Part
-from rotorid.fitting.time.output_error import RecordsProblem, TimeData
+from rotorid.fitting.time.output_error import NormalEquations, RecordsProblem, TimeData
 from rotorid.signal.stamps import CLOCK_SAMPLES
 from rotorid.typing import FloatArray
 
@@ -99,7 +98,9 @@ def clock_shifts(
         names = [*(structure.inputs[row] for row in group.inputs), *(structure.outputs[row] for row in group.outputs)]
         samples = max(late(name) for name in names)
         sides = [
-            replace(problem, records=tuple(shifted(record, group, moved) for record in problem.records)).parts(theta)
+            replace(
+                problem, records=tuple(shifted(record, group, moved) for record in problem.records)
+            ).normal_equations(theta)
             for moved in (samples, -samples)
         ]
         rows.append(_half_difference(*sides))
@@ -123,7 +124,9 @@ def scale_shifts(problem: RecordsProblem, theta: FloatArray) -> FloatArray:
     rows = []
     for channel in range(len(structure.inputs) + len(structure.outputs)):
         sides = [
-            replace(problem, records=tuple(scaled(record, channel, share) for record in problem.records)).parts(theta)
+            replace(
+                problem, records=tuple(scaled(record, channel, share) for record in problem.records)
+            ).normal_equations(theta)
             for share in (SCALE_ERROR, -SCALE_ERROR)
         ]
         rows.append(_half_difference(*sides))
@@ -198,15 +201,9 @@ def _later(values: FloatArray, before: float | None, samples: float) -> FloatArr
     return np.asarray(np.interp(np.arange(values.size) + 1.0 - samples, np.arange(known.size), known))
 
 
-def _half_difference(after: Sequence[Part], before: Sequence[Part]) -> FloatArray:
+def _half_difference(after: NormalEquations, before: NormalEquations) -> FloatArray:
     """Half the difference of what two problems move the parameters by."""
-    count = after[0].slopes.shape[2]
-    pull, fisher = np.zeros(count), np.zeros((count, count))
-    for sign, parts in ((0.5, after), (-0.5, before)):
-        for part in parts:
-            slopes = part.slopes.reshape(-1, part.slopes.shape[2])
-            pull += sign * slopes.T @ part.residual.ravel()
-            fisher += 0.5 * slopes.T @ slopes
+    pull, fisher = 0.5 * (after.pull - before.pull), 0.5 * (after.fisher + before.fisher)
     size = np.sqrt(fisher.diagonal())
     size[size == 0.0] = np.inf
     return np.asarray(-np.linalg.pinv(fisher / np.outer(size, size), hermitian=True) @ (pull / size) / size)

@@ -176,6 +176,21 @@ class Fitted(NamedTuple):
     predicted: FloatArray
 
 
+class NormalEquations(NamedTuple):
+    """What a step of Gauss and Newton solves: the slopes' products with each other, and with the residuals.
+
+    Parameters
+    ----------
+    fisher
+        Shape ``(p, p)``.
+    pull
+        Shape ``(p,)``.
+    """
+
+    fisher: FloatArray
+    pull: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordsProblem(Problem):
     """A structure and its records, each with unknowns besides the parameters.
@@ -228,6 +243,17 @@ class RecordsProblem(Problem):
         states, outputs = len(self.structure.states), len(self.structure.outputs)
         size = {"initial_state": states, "state_bias": states, "output_shift": outputs}
         return len(self.records) * sum(size[unknown] for unknown in self.unknowns)
+
+    def normal_equations(self, theta: FloatArray) -> NormalEquations:
+        """Products of slopes and residuals of all records, unknowns solved for."""
+        parts = self.parts(theta)
+        slopes = [part.slopes.reshape(-1, part.slopes.shape[2]) for part in parts]
+        return NormalEquations(
+            fisher=np.sum([columns.T @ columns for columns in slopes], axis=0),
+            pull=np.sum(
+                [columns.T @ part.residual.ravel() for columns, part in zip(slopes, parts, strict=True)], axis=0
+            ),
+        )
 
     def shortened(self, samples: int) -> Self:
         """The same problem on the first part of every record, so that all together hold about so many samples."""

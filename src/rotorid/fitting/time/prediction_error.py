@@ -33,7 +33,7 @@ from rotorid.fitting.time.noise_model import (
     noise_model,
     steady_predictor,
 )
-from rotorid.fitting.time.output_error import InitialCondition, RecordsProblem, TimeData
+from rotorid.fitting.time.output_error import InitialCondition, NormalEquations, RecordsProblem, TimeData
 from rotorid.models.state_space import StateSpace
 from rotorid.models.structure import LinearStructure
 from rotorid.simulation.linear import Hold
@@ -54,35 +54,42 @@ _SAME_DIRECTION = 1e-10
 
 @dataclass(kw_only=True, eq=False)
 class Gram:
-    """A sum of products, which grows.
+    """A sum of products of unknowns, slopes and residual, which grows.
 
     Parameters
     ----------
-    products
-        Of all columns with each other: unknowns, slopes, residual, shape ``(k + p + 1, k + p + 1)``.
-    unknowns
-        k.
+    linear
+        Of unknowns and residual with each other, shape ``(k + 1, k + 1)``.
+    mixed
+        Of these with slopes, shape ``(k + 1, p)``.
+    slopes
+        Of slopes with each other, shape ``(p, p)``.
     """
 
-    products: FloatArray
-    unknowns: int
+    linear: FloatArray
+    mixed: FloatArray
+    slopes: FloatArray
 
     @classmethod
     def empty(cls, unknowns: int, parameters: int) -> Gram:
         """No samples yet."""
-        size = unknowns + parameters + 1
-        return cls(products=np.zeros((size, size)), unknowns=unknowns)
+        linear = np.zeros((unknowns + 1, unknowns + 1))
+        return cls(linear=linear, mixed=np.zeros((unknowns + 1, parameters)), slopes=np.zeros((parameters, parameters)))
 
     def add(self, unknown: FloatArray, slopes: FloatArray, residual: FloatArray) -> None:
         """Add some samples: shapes ``(m, y, k)``, ``(m, y, p)`` and ``(m, y)``."""
-        columns = np.concatenate([unknown, slopes, residual[:, :, None]], axis=2).reshape(-1, len(self.products))
-        self.products += columns.T @ columns
+        linear = np.concatenate([unknown, residual[:, :, None]], axis=2).reshape(-1, len(self.linear))
+        columns = slopes.reshape(-1, len(self.slopes))
+        self.linear += linear.T @ linear
+        self.mixed += linear.T @ columns
+        self.slopes += columns.T @ columns
 
     def reduced(self) -> FloatArray:
         """Products of slopes and residual in what the unknowns leave, shape ``(p + 1, p + 1)``."""
-        k = self.unknowns
-        inner, cross, rest = self.products[:k, :k], self.products[:k, k:], self.products[k:, k:]
-        if k == 0 or not np.isfinite(self.products).all():
+        inner = self.linear[:-1, :-1]
+        cross = np.hstack([self.mixed[:-1], self.linear[:-1, -1:]])
+        rest = np.block([[self.slopes, self.mixed[-1:].T], [self.mixed[-1:], self.linear[-1:, -1:]]])
+        if inner.size == 0 or not (np.isfinite(rest).all() and np.isfinite(cross).all()):
             return rest
         size = np.sqrt(np.where(inner.diagonal() > 0.0, inner.diagonal(), 1.0))
         values, vectors = np.linalg.eigh(inner / np.outer(size, size))
@@ -259,22 +266,20 @@ class Settled(NamedTuple):
         What it makes of it.
     inputs
         Inputs with the constants after them.
-    unknown
-        How the unknowns move the innovations, shape ``(n, y, k)``.
     covariance
         :math:`\hat R`, shape ``(y, y)``.
+    whitening
+        A square root of its inverse, shape ``(y, y)``.
+    unknown
+        How the unknowns move the whitened innovations, shape ``(n, y, k)``.
     """
 
     followed: list[Followed]
     runs: list[Innovations]
     inputs: list[tuple[FloatArray, FloatArray]]
-    unknown: list[FloatArray]
     covariance: FloatArray
-
-    @property
-    def whitening(self) -> FloatArray:
-        """A square root of the inverse of the covariance."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
+    whitening: FloatArray
+    unknown: list[FloatArray]
 
     def slopes(self, record: int) -> Iterator[FloatArray]:
         """Derivatives of the whitened innovations of one record, piece by piece."""
@@ -297,7 +302,7 @@ class Settled(NamedTuple):
         first = 0
         for slopes in self.slopes(record):
             here = slice(first, first + len(slopes))
-            gram.add(np.matmul(W, unknown[here]), slopes, values[here] @ W.T)
+            gram.add(unknown[here], slopes, values[here] @ W.T)
             first = here.stop
         return gram
 
@@ -399,6 +404,12 @@ class InnovationsProblem(RecordsProblem):
         root = self._size(settled.covariance) * _root(np.sum(grams, axis=0))
         return root[:, -1], root[:, :-1]
 
+    def normal_equations(self, theta: FloatArray) -> NormalEquations:
+        """Products of whitened slopes and innovations of all records, unknowns solved for."""
+        settled = self.settled(theta)
+        products = np.sum([settled.gram(record).reduced() for record in range(len(self.records))], axis=0)
+        return NormalEquations(fisher=products[:-1, :-1], pull=products[:-1, -1])
+
     def cost(self, theta: FloatArray) -> float:
         """The sum of squares alone; infinite where there is no predictor."""
         try:
@@ -465,7 +476,11 @@ class InnovationsProblem(RecordsProblem):
             model, gain = run.followed.model, run.followed.steady.gain
             again.append(innovations(model, gain, u, y, before=before, start=start))
             inputs.append((u, before))
-        return Settled([run.followed for run in runs], again, inputs, [run.unknown for run in runs], covariance)
+        whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+        longest = {id(run.followed): run.unknown for run in sorted(runs, key=lambda run: len(run.unknown))}
+        whitened = {kind: np.matmul(whitening, unknown) for kind, unknown in longest.items()}
+        moves = [whitened[id(run.followed)][: len(run.unknown)] for run in runs]
+        return Settled([run.followed for run in runs], again, inputs, covariance, whitening, moves)
 
     def _from_rest(self, theta: FloatArray) -> list[_Run]:
         model, noise = self.split(theta)
@@ -541,7 +556,7 @@ class InnovationsProblem(RecordsProblem):
         W, found = settled.whitening, []
         for place, (record, run, unknown) in enumerate(zip(self.records, settled.runs, settled.unknown, strict=True)):
             slopes = np.concatenate(list(settled.slopes(place)))
-            basis = _basis(np.matmul(W, unknown))
+            basis = _basis(unknown)
             residual = _without((run.values @ W.T)[..., None], basis)[..., 0]
             found.append(Part(residual, _without(slopes, basis), basis, record.sample_rate_hz))
         return found
