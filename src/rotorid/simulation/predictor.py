@@ -199,7 +199,8 @@ def innovation_slopes(
 
     step, tangent, order = model.step, model.tangent, len(gain)
     through = [model.dD * step.weights[tap] + model.D * tangent.weights[:, tap, None] for tap in range(2)]
-    at_once = [model.dC, *through, *(np.zeros_like(part) for part in (through[0], dgain[:, : len(whitening)]))]
+    unseen = np.zeros((len(dgain), *whitening.shape))
+    at_once = [model.dC, *through, np.zeros_like(through[0]), unseen]
     direct = np.concatenate([part.transpose(2, 1, 0) for part in at_once])
     into = [tangent.transition - gain @ model.dC]
     into += [tangent.taps[:, tap].swapaxes(1, 2) - gain @ through[tap] for tap in range(2)]
