@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 
 from rotorid.data.record import FlightRecord
@@ -59,7 +60,7 @@ class Fitting:
     method
         The method for a model, with the logs in which it finds its channels, and the choices of the run.
     prepare
-        What the method does before it fits, where that needs no method.
+        What the method prepares, where that needs no module that fits: ``inspect`` asks for it and imports none.
     choices
         Fields of :class:`rotorid.settings.identifying.IdentifySettings` that its models have.
     methods
@@ -265,9 +266,8 @@ def method_of(model: Model, records: Sequence[FlightRecord], settings: IdentifyS
     InsufficientDataError
         The logs hold nothing that such a model is about.
     """
-    require_choices(model, settings)
-    read = read_model(model)
-    return fitting_of(read).method(read, records, settings)
+    read, fitting = _allowed(model, settings)
+    return fitting.method(read, records, settings)
 
 
 def require_ready(model: Model, records: Sequence[FlightRecord], settings: IdentifySettings) -> None:
@@ -287,9 +287,7 @@ def require_ready(model: Model, records: Sequence[FlightRecord], settings: Ident
     InsufficientDataError
         The logs do not hold what the model needs.
     """
-    require_choices(model, settings)
-    read = read_model(model)
-    fitting = fitting_of(read)
+    read, fitting = _allowed(model, settings)
     if fitting.prepare is not None:
         fitting.prepare(records, settings)
     else:
@@ -313,12 +311,19 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
     ModelError
         A name is unknown.
     """
+    _allowed(model, settings, options or {})
+
+
+def _allowed(
+    model: Model, settings: IdentifySettings, options: Mapping[str, object] = MappingProxyType({})
+) -> tuple[Read, Fitting]:
+    """A model that was read and how it is fitted, unless a choice is none that it has."""
     read = read_model(model)
     fitting = fitting_of(read)
     named = read if isinstance(read, NonlinearStructure) else model
     words = {"name": str(named) if isinstance(named, str | Path) else named.name}
     words["methods"] = ", ".join(fitting.methods)
-    given = [option for option, value in (options or {}).items() if value and fitting.no_option is not None]
+    given = [option for option, value in options.items() if value and fitting.no_option is not None]
     alike = fitting.no_option is fitting.no_choice
     if fitting.no_option is not None and given and not alike:
         raise fitting.no_option.error(wrong=" and ".join(given), **words)
@@ -329,6 +334,7 @@ def require_choices(model: Model, settings: IdentifySettings, *, options: Mappin
     if wrong := [*foreign.values(), *(given if alike else ())]:
         raise fitting.no_choice.error(wrong=", ".join(wrong), others=_models_with(foreign), **words)
     fitting.check(read, settings)
+    return read, fitting
 
 
 def _choices(fitting: Fitting, settings: IdentifySettings) -> tuple[str, ...]:
