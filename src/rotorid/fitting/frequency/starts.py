@@ -67,7 +67,7 @@ def fraction_starts(problem: FrequencyProblem, thetas: FloatArray) -> tuple[Floa
         error, slope, found = equation_errors(problem.parameter_map, now, problem.points, problem.point_scales)
         best, cost = better(found)
         step = np.zeros_like(now)
-        step[:, moving] = _least_squares(weight * error, weight * slope[:, moving])
+        step[:, moving], _ = _least_squares(_parts(weight * slope[:, moving]), _parts(weight * error), _TRANSFER_RANK)
         now = np.clip(now + step, lower, upper)
     best, cost = better(problem.many_costs(now))
     order = np.argsort(cost, kind="stable")[:2]
@@ -81,17 +81,35 @@ def delays(problem: FrequencyProblem) -> BoolArray:
     return np.asarray(found, dtype=np.bool_)
 
 
-def _least_squares(error: ComplexArray, slope: ComplexArray) -> FloatArray:
-    """Steps that bring complex errors ``(b, n)`` nearest to zero, ``(b, k)``; the smallest of several, scaled."""
-    real = np.concatenate([error.real, error.imag], axis=-1)
-    columns = np.concatenate([slope.real, slope.imag], axis=-1)
-    # Where the model has no response there is no step.
-    whole = np.isfinite(real).all(axis=-1) & np.isfinite(columns).all(axis=(-1, -2))
-    real, columns = np.where(whole[:, None], real, 0.0), np.where(whole[:, None, None], columns, 0.0)
+def _parts(values: ComplexArray) -> FloatArray:
+    """Real and imaginary parts of ``(..., n)``, one after the other."""
+    return np.concatenate([values.real, values.imag], axis=-1)
+
+
+def _least_squares(columns: FloatArray, right: FloatArray, rank: float) -> tuple[FloatArray, FloatArray]:
+    """Steps along ``columns`` that bring ``right`` nearest to zero, and the mean square that each leaves.
+
+    Shapes ``(b, k, n)`` and ``(b, n)`` to ``(b, k)`` and ``(b,)``. Columns are scaled to one length, and of several
+    steps the smallest counts: singular values below ``rank`` of the largest are zero. Where something is not a number
+    the step is zero and its square infinite.
+    """
     length = np.sqrt(np.sum(columns**2, axis=-1))
-    length = np.where(length > 0.0, length, 1.0)
-    inverse = np.linalg.pinv(np.swapaxes(columns / length[..., None], -1, -2), rcond=_TRANSFER_RANK)
-    return np.asarray(-(inverse @ real[..., None])[..., 0] / length)
+    # Values so far off that they overflow lead nowhere, and LAPACK complains about them by itself.
+    known = np.isfinite(length).all(axis=-1) & np.isfinite(right).all(axis=-1)
+    step, misfit = np.zeros(length.shape), np.full(len(right), np.inf)
+    length = np.where(length > 0.0, length, 1.0)[known]
+    stacked = np.concatenate([columns[known] / length[..., None], right[known][:, None]], axis=1)
+    # A triangle holds all that least squares ask for, and has as few rows as there are parameters.
+    triangle: FloatArray = np.asarray(np.linalg.qr(stacked.swapaxes(1, 2), mode="r"))
+    small, target = triangle[..., :-1], triangle[..., -1:]
+    left, singular, turned = np.linalg.svd(small, full_matrices=False)
+    large = singular > rank * singular.max(axis=1, keepdims=True, initial=0.0)
+    along = (left.swapaxes(1, 2) @ target)[..., 0]
+    along = -np.where(large, along / np.where(large, singular, 1.0), 0.0)
+    scaled = turned.swapaxes(1, 2) @ along[..., None]
+    step[known] = scaled[..., 0] / length
+    misfit[known] = np.sum((target + small @ scaled)[..., 0] ** 2, axis=1) / stacked.shape[2]
+    return step, misfit
 
 
 _EQUATION_RANK = 1e-9
@@ -192,7 +210,9 @@ def equation_error(problem: FrequencyProblem, thetas: FloatArray, role: Roles) -
             system, slopes = problem.parameter_map.dense_tangents(np.clip(thetas, lower, upper))
         error, derivative = _errors(problem, system, slopes, states, role)
         weight = 1.0 / _spread(problem, system, states, role)
-        step, misfit[inside] = _solve(weight * error, weight[:, None] * derivative)
+        columns = (weight[:, None] * derivative).reshape(*derivative.shape[:2], -1)
+        right = (weight * error).reshape(len(error), -1)
+        step, misfit[inside] = _least_squares(_parts(columns), _parts(right), _EQUATION_RANK)
         thetas = thetas.copy()
         thetas[:, role.linear] += step
     found[inside] = np.clip(thetas, lower, upper)
@@ -271,31 +291,6 @@ def _spread(problem: FrequencyProblem, system: Matrices, states: _States, role: 
     spread = np.sqrt(np.maximum(variance.swapaxes(-1, -2), 0.0) + (_EQUATION_FLOOR * level) ** 2)
     # An equation without any state in it, at a frequency where nothing was measured, says nothing.
     return np.where(spread > 0.0, spread, np.inf)
-
-
-def _solve(error: ComplexArray, derivative: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Steps of the linear parameters, shape ``(b, k)``, and the mean square that each leaves, shape ``(b,)``."""
-    count = len(error)
-    right = np.concatenate([part.reshape(count, -1) for part in (error.real, error.imag)], axis=1)
-    columns = [part.reshape(count, derivative.shape[1], -1) for part in (derivative.real, derivative.imag)]
-    matrix = np.concatenate(columns, axis=2)
-    length = np.sqrt(np.sum(matrix**2, axis=2))
-    # Values so far off that they overflow lead nowhere, and LAPACK complains about them by itself.
-    known = np.isfinite(length).all(axis=1) & np.isfinite(right).all(axis=1)
-    step, misfit = np.zeros((count, derivative.shape[1])), np.full(count, np.inf)
-    length = np.where(length > 0.0, length, 1.0)[known]
-    stacked = np.concatenate([matrix[known] / length[..., None], right[known][:, None]], axis=1)
-    # A triangle holds all that least squares ask for, and has as few rows as there are parameters.
-    triangle = np.asarray(np.linalg.qr(stacked.swapaxes(1, 2), mode="r"))
-    small, right = triangle[..., :-1], triangle[..., -1:]
-    left, singular, turned = np.linalg.svd(small, full_matrices=False)
-    large = singular > _EQUATION_RANK * singular.max(axis=1, keepdims=True, initial=0.0)
-    along = (left.swapaxes(1, 2) @ right)[..., 0]
-    along = -np.where(large, along / np.where(large, singular, 1.0), 0.0)
-    scaled = turned.swapaxes(1, 2) @ along[..., None]
-    step[known] = scaled[..., 0] / length
-    misfit[known] = np.sum((right + small @ scaled)[..., 0] ** 2, axis=1) / stacked.shape[2]
-    return step, misfit
 
 
 LONGEST_DELAY_S = 0.3
