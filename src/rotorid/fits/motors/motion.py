@@ -96,7 +96,9 @@ def unexplained_by_curve(problem: MotorProblem, theta: FloatArray, found: Sequen
         if force is None or excited["az"].correlation < LEAST_CORRELATION:
             continue
         lag = problem.parameters.unpack(theta).values.get("T_motor", excited["az"].lag_s)
-        motors = motor_speed(record.outputs, lag_s=max(lag, 1e-4), delay_s=0.0, step_s=1.0 / record.sample_rate_hz)
+        motors = motor_speed(
+            record.outputs, lag_s=max(lag, 1e-4), delay_s=0.0, step_s=1.0 / record.sample_rate_hz, integrals=False
+        )
         level = np.asarray(motors.level, dtype=np.float64)[:, 1:]
         sums = [_slow(row, record.sample_rate_hz) for row in (level.sum(axis=0), (level**2).sum(axis=0))]
         errors.append(_slow(force.measured - force.predicted, record.sample_rate_hz))

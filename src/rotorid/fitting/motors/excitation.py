@@ -145,7 +145,7 @@ def _of(record: MotorRecord, levers: tuple[tuple[float, ...], ...], *, spin_up: 
     moved = [_slow_part(record.az[1:], rate_hz), *_slow_part(np.diff(record.rates, axis=1), rate_hz)]
     best = {axis: Excitation(0.0, _LAGS_S[0]) for axis in _AXES}
     for lag_s in _LAGS_S:
-        motors = motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=1.0 / rate_hz).level[:, 1:]
+        motors = _levels(record, lag_s)
         for axis, made, motion in zip(_AXES, mixing @ _slow_part(motors, rate_hz), moved, strict=True):
             slow = made[None]
             if spin_up and axis == "r":
@@ -208,9 +208,13 @@ def octaves(record: MotorRecord, lever: FloatArray, motion: FloatArray, *, spin_
 
 def _torques(record: MotorRecord, lever: FloatArray, *, spin_up: bool = False) -> dict[float, list[FloatArray]]:
     """What the motors do, at several lags."""
+    return {lag_s: _made(lever @ _levels(record, lag_s), spin_up=spin_up) for lag_s in _LAGS_S}
+
+
+def _levels(record: MotorRecord, lag_s: float) -> FloatArray:
+    """Lagged outputs, shape ``(motors, n - 1)``."""
     step_s = 1.0 / record.sample_rate_hz
-    speeds = {lag_s: motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=step_s).level for lag_s in _LAGS_S}
-    return {lag_s: _made(lever @ level[:, 1:].real, spin_up=spin_up) for lag_s, level in speeds.items()}
+    return motor_speed(record.outputs, lag_s=lag_s, delay_s=0.0, step_s=step_s, integrals=False).level[:, 1:]
 
 
 def _made(torque: FloatArray, *, spin_up: bool) -> list[FloatArray]:

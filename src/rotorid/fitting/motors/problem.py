@@ -257,7 +257,9 @@ class MotorProblem(Problem):
             found += [_mean(force)] if "weight" in wanted else []
         if rates:
             names = {axis: YAW_DELAY if axis == "r" and YAW_DELAY in values else "tau_gyro" for axis in rates}
-            delayed = {name: _derived(record, values, name, step, moved=moved) for name in set(names.values())}
+            delayed = {
+                name: _derived(record, values, name, step, moved=moved, integrals=True) for name in set(names.values())
+            }
             found += [self._rate_axis(record, values, delayed[names[axis]], axis, step) for axis in rates]
         level = [axis for axis in DRAG if axis in wanted]
         if level and shows_translation(record):
@@ -347,15 +349,18 @@ def _by_the_curve(values: Mapping[str, float], terms: Mapping[str, FloatArray]) 
 
 
 def _derived(
-    record: MotorRecord, values: Mapping[str, float], delay: str, step: float, *, moved: bool
+    record: MotorRecord, values: Mapping[str, float], delay: str, step: float, *, moved: bool, integrals: bool = False
 ) -> _DelayedMotors:
-    """Motors with derivatives by lag and delay, where these are parameters at all and the derivatives are wanted."""
+    """Motors with derivatives by lag and delay, where these are parameters at all and the derivatives are wanted.
+
+    Forces are compared at the samples, rates by the integrals between them.
+    """
     delay_s = values.get(delay, 0.0)
     if record.between == "lines" and "T_motor" not in values:
         here = measured_speed(record.outputs, delay_s=delay_s, step_s=step, moved=moved)
     else:
         lag_s = values.get("T_motor", _NO_LAG_S)
-        here = motor_speed(record.outputs, lag_s=lag_s, delay_s=delay_s, step_s=step, moved=moved)
+        here = motor_speed(record.outputs, lag_s=lag_s, delay_s=delay_s, step_s=step, moved=moved, integrals=integrals)
     names = {"lag": "T_motor", "delay": delay}
     return _DelayedMotors(here, {names[by]: slope for by, slope in here.moved.items() if names[by] in values})
 

@@ -42,7 +42,9 @@ class MotorSpeed:
     moved: Mapping[str, MotorSpeed] = field(default_factory=dict)
 
 
-def motor_speed(outputs: FloatArray, *, lag_s: float, delay_s: float, step_s: float, moved: bool = False) -> MotorSpeed:
+def motor_speed(
+    outputs: FloatArray, *, lag_s: float, delay_s: float, step_s: float, moved: bool = False, integrals: bool = True
+) -> MotorSpeed:
     """Lagged and delayed outputs at the samples, and their integrals between them, exactly.
 
     Parameters
@@ -54,6 +56,8 @@ def motor_speed(outputs: FloatArray, *, lag_s: float, delay_s: float, step_s: fl
         after the last one, which are taken to stand.
     moved
         Whether derivatives by lag and delay are worked out too.
+    integrals
+        Whether those are, or the samples alone.
 
     Examples
     --------
@@ -64,7 +68,7 @@ def motor_speed(outputs: FloatArray, *, lag_s: float, delay_s: float, step_s: fl
     from rotorid.fitting.motors.speed_kernels import lagged
 
     whole = int(np.floor(delay_s / step_s))
-    found = lagged(np.asarray(outputs, np.float64), whole, delay_s - whole * step_s, lag_s, step_s, moved)
+    found = lagged(np.asarray(outputs, np.float64), whole, delay_s - whole * step_s, lag_s, step_s, moved, integrals)
     kinds = [MotorSpeed(*(rows[kind] for rows in found)) for kind in range(3 if moved else 1)]
     here, *others = kinds
     return MotorSpeed(here.level, here.first, here.second, dict(zip(("lag", "delay"), others, strict=False)))

@@ -10,19 +10,19 @@ from rotorid.typing import FloatArray
 
 @njit(cache=True, nogil=True)
 def lagged(
-    outputs: FloatArray, whole: int, rest_s: float, lag_s: float, step_s: float, moved: bool
+    outputs: FloatArray, whole: int, rest_s: float, lag_s: float, step_s: float, moved: bool, integrals: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Lagged outputs at the samples, and integrals of them and of their squares from each sample to the next.
 
     The outputs ``(motors, n)`` are held for a step and late by ``whole`` steps and a rest; before the first and after
-    the last they stand. Levels are ``(kinds, motors, n)``, integrals ``(kinds, motors, n - 1)``: first the values, and
-    if ``moved`` their derivatives by the lag and by the delay.
+    the last they stand. Levels are ``(kinds, motors, n)``, integrals ``(kinds, motors, n - 1)``, or of no motor where
+    they are not wanted: first the values, and if ``moved`` their derivatives by the lag and by the delay.
     """
     motors, samples = outputs.shape
-    kinds = 3 if moved else 1
+    kinds, summed = 3 if moved else 1, motors if integrals else 0
     level = np.empty((kinds, motors, samples))
-    first = np.empty((kinds, motors, samples - 1))
-    second = np.empty((kinds, motors, samples - 1))
+    first = np.empty((kinds, summed, samples - 1))
+    second = np.empty((kinds, summed, samples - 1))
     span_s = step_s - rest_s
     decay, early, late = np.exp(-step_s / lag_s), np.exp(-rest_s / lag_s), np.exp(-span_s / lag_s)
     # Integrals of the remaining step to the input, and of its square, while the input is constant.
@@ -51,7 +51,7 @@ def lagged(
                 following_by_lag = reached_by_lag * decay + gap * decay_by_lag
                 level[1, i, k] = here_by_lag
                 level[2, i, k] = here_by_delay
-            if k < samples - 1:
+            if integrals and k < samples - 1:
                 in_early, in_late = once_early * left, once_late * begun
                 first[0, i, k] = before * rest_s + in_early + after * span_s + in_late
                 second[0, i, k] = (
