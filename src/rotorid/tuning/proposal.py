@@ -677,6 +677,7 @@ def _gain(
     return k_high if k_high >= k_low else None
 
 
+@np.errstate(divide="ignore")  # a phase that falls through a level nowhere bounds nothing
 def _bounds(
     loops: ComplexArray, wishes: Wishes, phase_margin_rad: float | None, *, start: int = 0
 ) -> tuple[FloatArray, FloatArray]:
@@ -684,26 +685,31 @@ def _bounds(
 
     From the frequency of index ``start`` on the phase has to rise above a limit at all.
     """
-    size, real = np.abs(loops), loops.real
-    phase = loop_phases(loops, start)
+    real = loops.real
+    square = real**2 + loops.imag**2
+    size, phase = np.sqrt(square), loop_phases(loops, start)
     # Where speed modes below the band raise the phase above all others, every bound is one from above: I stays smaller.
     top, highest = np.argmax(phase, axis=1), phase[:, start:].max(axis=1)
     fast = np.arange(loops.shape[1])[None] >= top[:, None]
-    inside = 1.0 - wishes.sensitivity_peak**-2
-    under = real**2 - size**2 * inside
+    # A search asks this a thousand times: what few points need is worked out for them alone, once per loop.
+    under = real**2 - square * (1.0 - wishes.sensitivity_peak**-2)
     forbidden = (under > 0.0) & (real < 0.0)
-    root = np.sqrt(np.maximum(under, 0.0))
-    first, last = (-real - root) / size**2, (-real + root) / size**2
-    high = np.min(np.where(forbidden & fast, first, np.inf), axis=1)
-    low = np.max(np.where(forbidden & ~fast, last, 0.0), axis=1)
+    root, back, length = np.sqrt(under[forbidden]), -real[forbidden], square[forbidden]
+    highs, lows = np.full(loops.shape, np.inf), np.zeros(loops.shape)
+    highs[forbidden] = np.where(fast[forbidden], (back - root) / length, np.inf)
+    lows[forbidden] = np.where(fast[forbidden], 0.0, (back + root) / length)
+    high, low = highs.min(axis=1), lows.max(axis=1)
     levels = [(-np.pi, wishes.gain_margin)]
     if phase_margin_rad is not None:
         levels.append((phase_margin_rad - np.pi, 1.0))
     for level, factor in levels:
-        falls = fast[:, 1:] & (phase[:, :-1] > level) & (phase[:, 1:] <= level)
-        high = np.minimum(high, np.min(np.where(falls, 1.0 / (factor * size[:, :-1]), np.inf), axis=1))
-        rises = ~fast[:, :-1] & (phase[:, :-1] <= level) & (phase[:, 1:] > level)
-        low = np.maximum(low, np.max(np.where(rises, factor / size[:, 1:], 0.0), axis=1))
+        above, below = phase > level, phase <= level
+        falls = fast[:, 1:] & above[:, :-1] & below[:, 1:]
+        largest = np.max(np.where(falls, size[:, :-1], 0.0), axis=1)
+        high = np.minimum(high, 1.0 / (factor * largest))
+        rises = ~fast[:, :-1] & below[:, :-1] & above[:, 1:]
+        smallest = np.min(np.where(rises, size[:, 1:], np.inf), axis=1)
+        low = np.maximum(low, factor / smallest)
         # A phase that never rises above a level falls through it nowhere, and no factor brings a margin.
         low, high = np.where(highest <= level, _NEVER, low), np.where(highest <= level, 0.0, high)
     return low, high
