@@ -260,7 +260,10 @@ def band_taps(band_hz: tuple[float, float], sample_rate_hz: float) -> FloatArray
 
 
 def filtered(rows: FloatArray, taps: FloatArray) -> FloatArray:
-    """Rows behind a filter of some taps, from where it has filled, along the last axis: ``(..., n - taps + 1)``."""
+    """Rows behind a filter of some taps, from where it has filled, along the last axis: ``(..., n - taps + 1)``.
+
+    Of rows that are shorter than the filter nothing is left.
+    """
     from scipy.fft import irfft, next_fast_len, rfft
 
     if taps.size == 1:
@@ -308,6 +311,8 @@ def slow_correlation(rows: FloatArray, motion: FloatArray, sample_rate_hz: float
 def _slow_part(rows: FloatArray, sample_rate_hz: float) -> FloatArray:
     """Motion up to 5 Hz about its mean, along the last axis."""
     found = filtered(rows - rows.mean(axis=-1, keepdims=True), slow_taps(sample_rate_hz))
+    if not found.size:
+        return found
     return np.asarray(found - found.mean(axis=-1, keepdims=True))
 
 
@@ -315,7 +320,7 @@ def _positive_part(rows: FloatArray, motion: FloatArray) -> FloatArray:
     """A row, or of several what most resembles a motion with factors from zero up."""
     from scipy.optimize import nnls
 
-    if len(rows) == 1:
+    if len(rows) == 1 or not motion.size:
         return np.asarray(rows[0])
     factors, _ = nnls(rows.T, motion)
     return np.asarray(factors @ rows if np.any(factors) else rows[0])

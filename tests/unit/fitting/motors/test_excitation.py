@@ -111,3 +111,17 @@ def test_an_axis_that_slow_motion_shows_is_not_read_in_octaves_of_other_records(
     calm, rough = excitations([agile(air=0.0), agile(air=4.0)], LEVERS)
     assert (calm["p"].counts, calm["p"].band_hz) == (True, (0.0, 5.0))
     assert (rough["p"].counts, rough["p"].band_hz) == (False, (0.0, 5.0))
+
+
+@pytest.mark.parametrize("spin_up", [False, True])
+def test_a_record_shorter_than_the_filter_shows_nothing(spin_up: bool) -> None:
+    rng = np.random.default_rng(3)
+    record = MotorRecord(
+        name="short",
+        sample_rate_hz=400.0,
+        outputs=0.5 + 0.1 * rng.standard_normal((4, 60)),
+        rates=rng.standard_normal((3, 60)),
+        az=-9.81 + rng.standard_normal(60),
+    )
+    (found,) = excitations([record], levers(), spin_up=spin_up)
+    assert all(excitation.correlation == 0.0 for excitation in found.values())
