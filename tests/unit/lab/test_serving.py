@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import typer
+from tests.unit.cli.commands import fly_roll_sweeps
 from typer.testing import CliRunner
 
 from rotorid.cli.app import app
@@ -117,7 +118,8 @@ def test_an_interrupt_ends_all_that_runs_and_waits(tmp_path: Path) -> None:
     httpx = pytest.importorskip("httpx", reason="httpx is not installed")
     pytest.importorskip("fastapi", reason="the extra lab is not installed")
     log = tmp_path / "log.csv"
-    log.write_text("time [s],p [rad/s]\n0,0\n1,0\n", encoding="utf-8")
+    # A flight, so that the commands take their time.
+    fly_roll_sweeps(log)
     private = tmp_path / "private"
     private.mkdir()
     server = subprocess.Popen(
