@@ -27,6 +27,12 @@ LONG_S = 10.0
 """Files whose tests take longer begin first, so that no worker waits at the end for a long one."""
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int | None:
+    """One worker more than processors: while a test waits for a browser or another process, one computes."""
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else (os.cpu_count() or 1) + 1
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
     """Search files for examples only where some are: of a thousand test files few have any."""
