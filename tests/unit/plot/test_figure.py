@@ -234,6 +234,11 @@ class TestNumbers:
             expected += sorted((low, high))
         assert time.tolist() == expected
 
+    def test_a_trace_may_change_its_numbers(self) -> None:
+        values = np.array([1.0, 2.0])
+        numbers(values).append(None)
+        assert numbers(values) == [1.0, 2.0]
+
     def test_gaps_among_numbers_stay_gaps(self) -> None:
         assert numbers(np.array([1.0, np.nan, np.inf, 2.0])) == [1.0, None, None, 2.0]
 

@@ -144,6 +144,23 @@ def test_equation_error_is_exact_on_exact_responses() -> None:
     assert misfit < 1e-12
 
 
+def test_many_parameters_at_once_are_each_on_its_own() -> None:
+    """Delays and lags of a grid, the last of them below its bound, where the model has no value."""
+    problem = flown("hover.longitudinal", LONGITUDINAL, motor_s=0.04)
+    role = roles(problem, problem.parameters.pack())
+    assert role is not None
+    free = problem.parameters.free
+    thetas = np.tile(problem.parameters.pack(), (4, 1))
+    thetas[:, free.index("tau_pitch")] = [0.0, 0.02, 0.05, 0.02]
+    thetas[:, free.index("T_motor")] = [0.03, 0.03, 0.1, -0.1]
+    found, misfit = equation_error(problem, thetas, role)
+    for row, theta in enumerate(thetas):
+        (alone,), (left,) = equation_error(problem, theta[None], role)
+        np.testing.assert_allclose(found[row], alone, rtol=1e-9, atol=1e-12)
+        assert misfit[row] == pytest.approx(left, rel=1e-9)
+    assert np.isfinite(misfit).tolist() == [True, True, True, False]
+
+
 def test_levy_s_step_is_exact_on_exact_responses() -> None:
     """Linear in the coefficients: with the delay known, the first step ends at the truth."""
     structure = transfer_function(numerator=1, denominator=2)
