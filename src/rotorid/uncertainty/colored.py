@@ -20,7 +20,7 @@ from rotorid.typing import ComplexArray, FloatArray
 _LONGEST_MEMORY = 40
 _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
-_AT_REST = 1e-4
+_AT_REST = 1e-6
 """Of the power of the residuals: what rounds still add of that changes no order and no covariance."""
 _NEGLIGIBLE = 0.02
 _SAME_RATE = 1.1
