@@ -101,8 +101,13 @@ def add_state_sensitivities(
     width = order * parameters
     now, following = np.zeros(width), np.zeros(width)
     observed = np.zeros(count, dtype=np.bool_)
+    # Of models in sections a state pushes those of its own only.
+    first, beyond = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for c in range(count):
         observed[c] = np.any(direct[c])
+        pushed = np.flatnonzero(forcing[c])
+        if pushed.size:
+            first[c], beyond[c] = pushed[0], pushed[-1] + 1
     for k in range(samples):
         row = slopes[k]
         for c in range(count):
@@ -119,13 +124,14 @@ def add_state_sensitivities(
         following[:] = 0.0
         for c in range(count):
             value, weights = regressors[k, c], forcing[c]
-            for m in range(width):
+            for m in range(first[c], beyond[c]):
                 following[m] += value * weights[m]
         for i in range(order):
             for j in range(order):
                 factor = transition[i, j]
-                for p in range(parameters):
-                    following[i * parameters + p] += factor * now[j * parameters + p]
+                if factor != 0.0:
+                    for p in range(parameters):
+                        following[i * parameters + p] += factor * now[j * parameters + p]
         now, following = following, now
 
 
