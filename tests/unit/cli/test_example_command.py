@@ -87,6 +87,7 @@ def _require_made(folder: Path) -> None:
     assert list((folder / "example-px4" / "sih").iterdir())
 
 
+@pytest.mark.usefixtures("computed_once")
 def test_the_first_page_can_be_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for words in _first_page():
