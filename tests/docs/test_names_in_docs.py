@@ -32,6 +32,8 @@ ALONE = {"rotorid.errors", "rotorid.frames", "rotorid.typing", "rotorid.units"}
 
 STANDING_FOR = {
     *(
+        # A stub, which only editors and type checkers read.
+        "rotorid.settings.option_types",
         "rotorid.progress",
         "rotorid.help_all",
         "rotorid.cli.NAME",

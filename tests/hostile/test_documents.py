@@ -100,6 +100,7 @@ BY_ITS_OWN = {
             "exports.json_model",
             "exports.rl_tools",
             "fleets.worker",
+            "io.copies",
             "io.pool",
             "io.sandbox",
             "io.sandbox_worker",

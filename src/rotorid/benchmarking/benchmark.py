@@ -78,8 +78,10 @@ def bench(
         ``neurobem``, ``idsia`` or ``nanobench``.
     data
         Folder of the downloaded files.
-    settings, **options
-        :class:`~rotorid.benchmarking.settings.BenchSettings`, or its fields one by one.
+    settings
+        Choices.
+    **options
+        Fields of :class:`~rotorid.benchmarking.settings.BenchSettings`, one by one.
 
     Raises
     ------

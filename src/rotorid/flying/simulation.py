@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -160,8 +160,8 @@ def simulate(vehicle: Vehicle, plan: FlightPlan | None = None, **options: Unpack
     >>> flight.columns["p"].size  # doctest: +SKIP
     100
     """
-    chosen = as_settings(SimulateSettings, SimulateSettings(vehicle=vehicle, plan=plan), options)
-    return fly_run(chosen, 0).flown
+    chosen: dict[str, Any] = {"vehicle": vehicle, "plan": plan, **options}
+    return fly_run(as_settings(SimulateSettings, None, chosen), 0).flown
 
 
 def fly_run(choices: SimulateSettings, number: int) -> Run:

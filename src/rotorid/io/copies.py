@@ -6,7 +6,7 @@ each start is a new process.
 
 A copy is as separate as a new process: it has a session, streams, a folder and an environment of its own, no other
 open file and no memory that another copy sees. The process that is copied has one thread and gets nothing but starts.
-It ends its copies when it is told to, and when the process that asked for them is gone.
+It ends its copies when it is asked to, and when the process that asked for them is gone.
 
 A program is a module with a function ``begin``, which is given the words of its command line, and which it calls when
 it is run with ``python -m``. Its function ``prepare``, if it has one, imports what ``begin`` would import.
@@ -262,7 +262,7 @@ def _heard(control: socket.socket) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A copy: its number, a descriptor that tells of its end, and the socket of whoever asked for it."""
+    """A copy: its number, a descriptor that shows its end, and the socket of whoever asked for it."""
 
     pid: int
     ends: int

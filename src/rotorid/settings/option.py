@@ -235,9 +235,10 @@ def as_settings(kind: type[Kind], settings: Kind | None, options: Mapping[str, A
         if name not in known:
             near = nearest_name(name, known)
             raise TypeError(f"unknown option {name!r}{f'; did you mean {near}?' if near else ''}")
-    chosen = settings or kind()
     given = {name: _from_text(known[name], value) for name, value in options.items()}
-    return replace(chosen, **given) if given else chosen  # type: ignore[type-var]
+    if settings is None:
+        return kind(**given)
+    return replace(settings, **given) if given else settings  # type: ignore[type-var]
 
 
 def _from_text(item: "Field[Any]", value: Any) -> Any:

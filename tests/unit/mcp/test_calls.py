@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
@@ -137,7 +136,7 @@ def test_an_answer_stays_when_its_log_is_gone(folders: Folders) -> None:
         command = desk.command(parse_call("inspect", {"log": "a.ulg"}))
         log.unlink()
         (folder := desk._place / "call").mkdir()
-        job = Job([], folder, state="done", process=cast(Any, SimpleNamespace(returncode=0)))
+        job = Job([], folder, state="done", code=0)
         document = {"schema": "rotorid.inspect/1", "name": "a.ulg", "flights": [{"start_s": 1.0, "stop_s": 9.0}]}
         job.output.write_text(json.dumps(document))
         answer = desk.answer("inspect", command, job)
