@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -52,3 +53,13 @@ def test_the_hash_is_that_of_the_content(tmp_path: Path) -> None:
     content = bytes(range(256)) * 5000
     (tmp_path / "log").write_bytes(content)
     assert sha256_of(tmp_path / "log") == hashlib.sha256(content).hexdigest()
+
+
+def test_arrays_are_compressed_where_it_makes_them_smaller(tmp_path: Path) -> None:
+    arrays = {"noise": np.random.default_rng(1).normal(size=20_000), "still": np.zeros(20_000)}
+    write_npz(tmp_path / "a.npz", arrays)
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        methods = {member.filename: member.compress_type for member in archive.infolist()}
+    assert methods == {"noise.npy": zipfile.ZIP_STORED, "still.npy": zipfile.ZIP_DEFLATED}
+    with np.load(tmp_path / "a.npz") as found:
+        assert all(np.array_equal(found[name], array) for name, array in arrays.items())
