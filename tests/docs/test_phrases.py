@@ -21,6 +21,12 @@ def test_no_message_page_or_document_uses_a_forbidden_construction() -> None:
     assert found == []
 
 
+def test_a_share_has_a_space_before_its_sign() -> None:
+    spaceless = re.compile(r":\.\d%\}")
+    files = (ROOT / "src").rglob("*.py")
+    assert not [str(path) for path in files if spaceless.search(path.read_text(encoding="utf-8"))]
+
+
 def test_the_source_tells_little() -> None:
     """Docstrings, comments and names: a log shows, a message reports, data separate; a pilot is told nothing."""
     files = [path for path in (ROOT / "src").rglob("*") if path.suffix in {".py", ".js", ".html"}]

@@ -196,7 +196,7 @@ def _nothing_moved(record: FlightRecord, axes: Sequence[Axis]) -> InsufficientDa
     """No motor of a bench was moved on purpose, or what moved them does not show it."""
     wanted = " or ".join(axes)
     shares = {name: limited_share(record[name].values) for name in driven_motors(record)}
-    limited = [f"{name} for {share:.0%}" for name, share in shares.items() if share > _LIMITED]
+    limited = [f"{name} for {100.0 * share:.0f} %" for name, share in shares.items() if share > _LIMITED]
     why = f"; at a limit were {', '.join(limited)} of the time" if limited else ""
     came = f"{record.source.name} contains no sweep of single motors that moves {wanted}{why}"
     segment = f"--segment {axes[0]}:{record.start_s:.4g}:{record.stop_s:.4g}"

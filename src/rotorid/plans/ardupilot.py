@@ -216,7 +216,7 @@ def _require_agreement(settings: SystemId, planned: PlannedInput, trim_s: float)
         raise UsageError(
             (
                 f"the samples of the sweep on {planned.axis} differ from "
-                f"ArduPilot's chirp by {deviation:.0%} of the amplitude"
+                f"ArduPilot's chirp by {100.0 * deviation:.0f} % of the amplitude"
             ),
             needed=f"two cycles at constant frequency ({settings.constant_s:g} s), and fades in the settings",
             remedy=f"plan it with constant_s={settings.constant_s:g}, fade_in_s and fade_out_s",

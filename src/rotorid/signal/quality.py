@@ -129,7 +129,7 @@ def _limits(history: TimeHistory) -> Iterator[Finding]:
         yield (warn if share >= WARNED_SHARE else remark)(
             "sensor_clipping" if sensor else "saturation",
             name,
-            f"{name} was at {place} for {share:.1%} of the maneuver.",
+            f"{name} was at {place} for {100.0 * share:.1f} % of the maneuver.",
             share=share,
         )
 
@@ -235,7 +235,7 @@ def _sag(time_s: FloatArray, voltage: FloatArray, maneuver: Maneuver) -> Finding
     return (warn if abs(change) >= SAG else remark)(
         "battery_sag",
         "battery_voltage",
-        f"The voltage {'fell' if change < 0.0 else 'rose'} by {abs(change):.1%} of {mean:.4g} V over the "
+        f"The voltage {'fell' if change < 0.0 else 'rose'} by {100.0 * abs(change):.1f} % of {mean:.4g} V over the "
         f"{maneuver.axis} maneuver of {maneuver.duration_s:.3g} s.",
         change_percent=100.0 * change,
         mean_v=mean,
