@@ -316,7 +316,8 @@ def _moves(
     slopes = slopes - np.einsum("xi,xzp,zj->pij", left.conj(), dM, right @ block)
 
     flat = slopes.reshape(len(slopes), -1)
-    _, sizes, directions = np.linalg.svd(np.hstack([flat.real, flat.imag]), full_matrices=False)
+    turns, sizes, directions = np.linalg.svd(np.hstack([flat.real, flat.imag]), full_matrices=False)
+    directions = directions * _signs(turns)[:, None]
     significant = sizes > _FLAT * sizes.max(initial=0.0)
     real, imaginary = np.split(sizes[significant, None] * directions[significant], 2, axis=1)
     changes = (_normal_points(int(significant.sum())) @ (real + 1j * imaginary)).reshape(-1, *block.shape)
@@ -416,4 +417,12 @@ def _root(parameters: ParameterSet, bounds: Bounds) -> FloatArray:
         )
     scale = np.where(bounds.std > 0.0, bounds.std, 1.0)
     variances, vectors = np.linalg.eigh(bounds.covariance / np.outer(scale, scale))
-    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0)))
+    return np.asarray(scale[:, None] * vectors * _signs(vectors) * np.sqrt(np.maximum(variances, 0.0)))
+
+
+def _signs(vectors: FloatArray) -> FloatArray:
+    """A sign for each column that does not depend on the one that rounding gave it, shape ``(k,)``.
+
+    Points of a normal distribution are few, and those of one sign are not those of the other.
+    """
+    return np.where(np.sqrt(np.arange(1.0, len(vectors) + 1.0)) @ vectors < 0.0, -1.0, 1.0)

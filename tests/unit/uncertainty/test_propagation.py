@@ -342,3 +342,28 @@ def test_bounds_of_another_problem_are_refused() -> None:
         response_confidence(structure, other, bounds, np.ones(1))
     with pytest.raises(UsageError):
         pole_confidence(structure, other, bounds)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_signs_that_rounding_chooses_move_no_error(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    structure = oscillator(SPRING | {"c": 2.0 * np.sqrt(SPRING["k"] * SPRING["m"]) * 0.996})
+    bounds = correlated(structure.parameters, 1.0)
+    before = pole_confidence(structure, structure.parameters, bounds)
+    eigh, svd, random = np.linalg.eigh, np.linalg.svd, np.random.default_rng(seed)
+
+    def turned_eigh(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+        of, vectors = eigh(matrix)
+        return of, vectors * random.choice([-1.0, 1.0], of.size)
+
+    def turned_svd(matrix: FloatArray, **options: bool) -> tuple[FloatArray, ...]:
+        left, sizes, right = svd(matrix, **options)
+        signs = random.choice([-1.0, 1.0], sizes.size)
+        return (left * signs, sizes, right * signs[:, None]) if options else (left, sizes, right)
+
+    monkeypatch.setattr(np.linalg, "eigh", turned_eigh)
+    monkeypatch.setattr(np.linalg, "svd", turned_svd)
+    after = pole_confidence(structure, structure.parameters, bounds)
+    for one, other in zip(before, after, strict=True):
+        assert one.covariance is not None
+        assert other.covariance is not None
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-6, atol=1e-12)
