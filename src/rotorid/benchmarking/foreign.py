@@ -133,6 +133,7 @@ def _function(module: str, name: str) -> Function:
     with _working_folder():
         try:
             loaded = import_module(module)
+        # A module of somebody else's may raise anything.
         except Exception as error:
             raise UsageError(
                 f"the module {module!r} cannot be imported ({_words(error)})",
@@ -177,6 +178,7 @@ def called(foreign: Foreign, task: Task, training: Sequence[Task], shape: tuple[
         answer = np.asarray(foreign.function(task, tuple(training)), dtype=np.float64)
     except RotoridError:
         raise
+    # So may its function.
     except Exception as error:
         raise UsageError(
             f"{foreign.label} failed on {task.name} ({_words(error)})", needed=f"an array of shape {shape}"
