@@ -512,8 +512,8 @@ def exponential_tangent(matrix: FloatArray, moves: FloatArray) -> tuple[FloatArr
         return np.full_like(matrix, np.nan), np.full_like(moves, np.nan)
     squarings = max(0, int(np.ceil(np.log2(norm / _LARGEST_NORM)))) if norm > 0.0 else 0
     scale = 0.5**squarings
-    beside = np.ascontiguousarray(moves.transpose(1, 2, 0)) * scale
-    value, slopes = exponential_series(matrix * scale, beside, _degree(norm * scale), squarings)
+    scaled = np.ascontiguousarray(moves.transpose(1, 2, 0)) * scale
+    value, slopes = exponential_series(matrix * scale, scaled, _degree(norm * scale), squarings)
     return value, slopes.transpose(2, 0, 1)
 
 
