@@ -10,7 +10,7 @@ import functools
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, Field, fields
 from typing import Any, get_args
 
 from rotorid.errors import RotoridError
@@ -22,9 +22,12 @@ _OTHERS: Mapping[str, str] = {"--map": "rotorid.read(..., mapping={})", "--model
 
 _TYPED = re.compile(
     rf"(?P<command>rotorid [a-z]+ [^;,]{{0,200}}?)?(?P<option>{OPTION.pattern})"
-    r"(?: (?P<value>[^\s;,)]*[:=\d][^\s;,).]*(?:\.[^\s;,).]+)*|[A-Z]{2,}(?:[.=:][^\s;,).]+)*))?"
+    r"(?: (?P<value>[^\s;,)]*[:=\d][^\s;,).]*(?:\.[^\s;,).]+)*|[A-Z]{2,}(?:[.=:][^\s;,).]+)*|[a-z][a-z_.]*[a-z]))?"
 )
-"""An option with its text, and the command before it, which then is one to type and stays as it is."""
+"""An option with its text, and the command before it, which then is one to type and stays as it is.
+
+A word in small letters is its text where it is one of its choices, or a name such as ``rate.roll``.
+"""
 
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
@@ -117,6 +120,10 @@ def in_keywords(text: str, kind: type[Any]) -> str:
     'name the layout with layout, or add fix="T_motor=0.05"'
     >>> in_keywords("name its variables with a mapping: --map FILE.toml", IdentifySettings)
     'name its variables with a mapping: rotorid.read(..., mapping="FILE.toml")'
+    >>> in_keywords("use --method prediction_error, or --method and --runs 5", IdentifySettings)
+    'use method="prediction_error", or method and runs=5'
+    >>> in_keywords("add --model rate.roll", IdentifySettings)
+    'add model="rate.roll"'
     >>> in_keywords("try rotorid identify LOG --model rate.roll", IdentifySettings)
     'try rotorid identify LOG --model rate.roll'
     """
@@ -129,18 +136,41 @@ def in_keywords(text: str, kind: type[Any]) -> str:
         option, value = found["option"], found["value"]
         if found["command"]:
             return found[0]
-        shown = value if value and _NUMBER.fullmatch(value) else f'"{value}"' if value else ""
-        if option in _OTHERS:
-            call = _OTHERS[option]
-            return call.format(shown) if shown or "rotorid" not in call else "mapping of rotorid.read"
-        item = items.get(option) or items.get(option.replace("--no-", "--", 1))
-        if item is None:
-            verbs = VERBS.get(option, ())
-            return f"{found[0]} (rotorid {verbs[0]})" if verbs else found[0]
-        if option.startswith("--no-") and option not in items:
-            return f"{item.name}=False"
-        if item.default is False:
-            return f"{item.name}=True"
-        return f"{item.name}={shown}" if shown else item.name
+        rest = ""
+        if value and value.isalpha() and value.islower() and value not in _choices(items.get(option)) | {"all"}:
+            value, rest = None, f" {value}"
+        return _keyword(option, value, items) + rest
 
     return _TYPED.sub(keyword, text)
+
+
+def _keyword(option: str, value: str | None, items: Mapping[str, Field[Any]]) -> str:
+    """One option with its text as a keyword; an option of another verb with its command."""
+    shown = value if value and _NUMBER.fullmatch(value) else f'"{value}"' if value else ""
+    if option in _OTHERS:
+        call = _OTHERS[option]
+        if shown:
+            return call.format(shown)
+        return "mapping of rotorid.read" if "rotorid" in call else call.partition("=")[0]
+    item = items.get(option) or items.get(option.replace("--no-", "--", 1))
+    if item is None:
+        verbs = VERBS.get(option, ())
+        typed = f"{option} {value}" if value else option
+        return f"{typed} (rotorid {verbs[0]})" if verbs else typed
+    if option.startswith("--no-") and option not in items:
+        return f"{item.name}=False"
+    if item.default is False:
+        return f"{item.name}=True"
+    return f"{item.name}={shown}" if shown else item.name
+
+
+def _choices(item: Field[Any] | None) -> frozenset[str]:
+    """Words that a field with a few of them may be."""
+    if item is None:
+        return frozenset()
+    waiting, words = [item.type], set[str]()
+    while waiting:
+        one = waiting.pop()
+        words |= {one} if isinstance(one, str) else set()
+        waiting += get_args(one)
+    return frozenset(words)
