@@ -128,6 +128,8 @@ def read_candidate(result: Path) -> Candidate:
     ModelError
         The ``model.toml`` is wrong.
     """
+    if not result.exists():
+        raise UsageError(f"{result} does not exist", needed=_RESULT_FILES)
     folder = result if result.is_dir() else result.parent
     model = result if result.suffix == ".toml" else folder / MODEL
     if result.is_file() and result.suffix not in (".toml", ".json"):

@@ -371,7 +371,9 @@ def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
     """
     files = [file for path in paths for file in result_files(path)]
     if len(files) < 2:
-        raise UsageError(f"only {counted(len(files), 'result')} to compare", remedy="give at least two")
+        for file in files:
+            read_result(file, read_text(file))
+        raise UsageError(f"only {counted(len(files), 'result')} came", needed="at least two", remedy="add another")
     for number, file in enumerate(files):
         if file.resolve() in [other.resolve() for other in files[:number]]:
             raise UsageError(f"{file} was given twice", remedy="give each result once")

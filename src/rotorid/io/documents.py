@@ -26,6 +26,7 @@ import stat
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -51,6 +52,8 @@ _TOML_TOKEN = re.compile(
 )
 _JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"?|[\[\]{}]', re.DOTALL)
 _LONE_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+_OURS = re.compile(rb'"schema": ?"rotorid\.[a-z_-]{1,40}/\d')
+_HEAD_BYTES, _MOST_LOOKED_AT = 4096, 100
 _AT_LINE = re.compile(r"at line (\d{1,9})")
 
 
@@ -209,10 +212,44 @@ def _opened(path: Path, needed: str) -> Iterator[BinaryIO]:
     except LogError as error:
         raise UsageError(error.came, needed=needed, remedy=error.remedy) from None
     except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}", needed=needed) from error
+        came = _not_there(path) if isinstance(error, FileNotFoundError) else ""
+        raise UsageError(came or f"{path} cannot be read: {error.strerror or error}", needed=needed) from error
     # Python's word for a name that no file can have.
     except ValueError as error:
         raise UsageError(f"{path} cannot be read: {error}", needed=needed) from error
+
+
+def _not_there(path: Path) -> str:
+    """What stands where a file was looked for; empty where that says nothing."""
+    if not path.parent.is_dir():
+        return f"{path.parent} does not exist"
+    held = held_documents(path.parent)
+    return f"{path.parent} holds {held}, but no {path.name}" if held else ""
+
+
+def held_documents(folder: Path) -> str:
+    r"""Names of the JSON documents of rotorid in a folder, as ``review.json``; empty where there are none.
+
+    Somebody who gives a folder of one command to another reads what it is.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     held_documents(Path(folder))
+    ''
+    """
+    held = []
+    for file in sorted(islice(folder.glob("*.json"), _MOST_LOOKED_AT)):
+        try:
+            require_file(file)
+            with file.open("rb") as opened:
+                head = opened.read(_HEAD_BYTES)
+        except (OSError, LogError):
+            continue
+        if _OURS.search(head):
+            held.append(file.name)
+    return ", ".join(held)
 
 
 def require_file(path: Path) -> None:

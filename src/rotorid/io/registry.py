@@ -23,7 +23,7 @@ from rotorid.data.record import FlightRecord, Source
 from rotorid.data.sensor_filters import with_sensor_filters
 from rotorid.errors import LogError, UsageError
 from rotorid.io.blank import blank_tail
-from rotorid.io.documents import require_file
+from rotorid.io.documents import held_documents, require_file
 from rotorid.io.files import compression_of, sha256_of, unpacked
 from rotorid.io.formats import HEAD_BYTES, READ, READERS, WRITERS, Reader
 from rotorid.io.motor_speeds import checked_speeds
@@ -192,10 +192,11 @@ def _read_folder(path: Path) -> FlightRecord:
     from rotorid.io.px4.folder import FORMAT, is_folder_log, read_folder
 
     if not is_folder_log(path):
+        held = held_documents(path)
         raise LogError(
-            f"{path.name or path} is a folder",
+            f"{path.name or path} is a folder" + (f" with {held} and no log" if held else ""),
             needed=f"one flight log: {READ}",
-            remedy="give a file in it, or a folder of ulog2csv files",
+            remedy="give the log itself" if held else "give a file in it, or a folder of ulog2csv files",
         )
     return read_folder(path, Source(name=visible(path.name), format=FORMAT, sha256=""))
 

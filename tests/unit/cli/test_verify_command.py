@@ -112,4 +112,4 @@ def test_wrong_use_ends_with_two(options: tuple[str, str], result: Path, flight:
 def test_a_result_that_is_none_ends_with_two(flight: Path, tmp_path: Path) -> None:
     ran = rotorid("verify", tmp_path / "nowhere", flight)
     assert ran.code == 2
-    assert "cannot be read" in ran.err
+    assert "does not exist" in ran.err

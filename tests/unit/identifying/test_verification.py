@@ -271,7 +271,7 @@ class TestReading:
             read_candidate(tmp_path / "result.json")
 
     def test_nothing_there(self, tmp_path: Path) -> None:
-        with pytest.raises(UsageError, match="cannot be read"):
+        with pytest.raises(UsageError, match="does not exist"):
             read_candidate(tmp_path / "nowhere")
 
 
