@@ -33,7 +33,7 @@ from rotorid.reviewing.card import (
 from rotorid.reviewing.filters import MOTOR_NOISE_SCALE, filter_card
 from rotorid.reviewing.missing import Unavailable
 from rotorid.reviewing.motors import EVEN, possible_causes
-from rotorid.reviewing.values import Review
+from rotorid.reviewing.values import MarginReview, Review
 from rotorid.signal.witnesses import MOTION
 from rotorid.tuning.judging import VERDICT_NAMES, WORST_FIRST, Verdict
 from rotorid.typing import Axis
@@ -202,13 +202,20 @@ def _stop_first(review: Review) -> str:
     return f"{capital(listed(axes))} {'oscillates' if len(axes) == 1 else 'oscillate'}: stop that first."
 
 
-def _margin_number(review: Review, number: LimitedNumber) -> str:
-    """A margin, with the end of a D that moves in flight for which it was computed."""
-    margin = review.margins[number.axis]  # type: ignore[index]
+def _ends(margin: MarginReview) -> dict[str, Mapping[str, Quantity]]:
+    """The margins that are stated, and those at the other ends of a D that moves in flight, each by its end."""
     known = margin.numbers.get("crossover_rad_s")
     each = {name: end.get("crossover_rad_s") for name, end in margin.ends.items()}
     same = [name for name, end in each.items() if known and end and math.isclose(end.value, known.value)]
-    return f"{number.shown}{f' with {same[0]}' if len(same) == 1 else ''}"
+    main = same[0] if len(same) == 1 else ""
+    return {main: margin.numbers} | {name: end for name, end in margin.ends.items() if name not in same}
+
+
+def _margin_number(review: Review, number: LimitedNumber) -> str:
+    """A margin, with the end of a D that moves in flight for which it was computed."""
+    ends = _ends(review.margins[number.axis])  # type: ignore[index]
+    end = next(name for name, numbers in ends.items() if numbers.get(number.name) is number.quantity)
+    return f"{number.shown}{f' with {end}' if end else ''}"
 
 
 def _margins(review: Review) -> Card:
@@ -240,7 +247,13 @@ def _verdict_words(verdicts: Mapping[Axis, Verdict]) -> str:
 
 def _far_from_shaking(review: Review, key: str, title: str) -> Card:
     """The answer by the margins themselves."""
-    judged = [item for axis, margin in review.margins.items() for item in judged_numbers(key, margin.numbers, axis)]
+    # A D that moves in flight passes both of its ends, and each has to be safe.
+    judged = [
+        item
+        for axis, margin in review.margins.items()
+        for numbers in _ends(margin).values()
+        for item in judged_numbers(key, numbers, axis)
+    ]
     phases = [margin for margin in judged if margin.name == "phase_margin_deg"]
     # Number and sentence are of one loop: of those that are surely bad the worst, then of those that may be.
     bad, unsure = bad_and_unsure(judged)
@@ -261,7 +274,7 @@ def _far_from_shaking(review: Review, key: str, title: str) -> Card:
         worst = unsure[0]
         remedy = _remedy(review, f"margins.{worst.axis}.") or move_stick(worst.axis)  # type: ignore[arg-type]
         return worst.doubtful(key, title, number=_margin_number(review, worst), remedy=remedy)
-    names = [number.axis for number in excited]
+    names = list(dict.fromkeys(number.axis for number in excited))
     loops = f"The {listed(names)} loop{'s' * (len(names) > 1)}"
     others = [axis for axis in RATE_OF if axis not in names]
     idle = {axis for axis, margin in review.margins.items() if margin.stick_idle}

@@ -234,6 +234,24 @@ def test_a_margin_names_the_end_of_a_derivative_that_moves_in_flight() -> None:
     assert told.number == "pitch M_s 3.00 ± 0.20 with D at its top"
 
 
+def test_a_margin_is_bad_at_the_other_end_of_a_derivative_that_moves_in_flight() -> None:
+    seen = measured()
+    flown = dict(seen.margins["roll"].numbers, crossover_rad_s=Quantity.normal(60.0, 2.0, "rad/s"))
+    base = {
+        "crossover_rad_s": Quantity.normal(50.0, 2.0, "rad/s"),
+        "phase_margin_deg": Quantity.normal(33.0, 1.0, "deg"),
+    }
+    roll = replace(seen.margins["roll"], numbers=flown, ends={"D at its top": flown, "D at its base": base})
+    told = card(replace(seen, margins={**seen.margins, "roll": roll}), "margins")
+    assert (told.state, told.number) == ("look", "roll phase margin 33.0 ± 2.0° with D at its base")
+    safe = replace(
+        roll,
+        ends={"D at its top": flown, "D at its base": {**base, "phase_margin_deg": Quantity.normal(55.0, 1.0, "deg")}},
+    )
+    calm = card(replace(seen, margins={**seen.margins, "roll": safe}), "margins")
+    assert (calm.state, calm.headline) == ("good", card(seen, "margins").headline)
+
+
 def judged(seen: Review, **verdicts: Verdict) -> Card:
     """The card of margins of a flight whose gains were judged so."""
     breaking = Breaking(
