@@ -146,8 +146,8 @@ def scale_sentence(document: ResultDocument) -> str:
         return ""
     if motors.scale is None:
         return (
-            "No mass, thrust or inertia was given, and accelerations only show their ratios. These numbers assume a "
-            "vehicle of 1 kg: multiply them by its mass."
+            "No mass, thrust or inertia was given, and accelerations only show their ratios. Thrust and inertia "
+            "assume a vehicle of 1 kg: multiply them by its mass."
         )
     mass = document.parameters.get("m") if motors.scale == "m" else None
     what = f"mass of {significant(mass.value, digits=4)} kg" if mass else motors.scale

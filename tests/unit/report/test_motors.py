@@ -121,6 +121,11 @@ def test_a_scale_that_is_no_parameter_is_named_without_a_value(scale: str, said:
     assert said in scale_sentence(changed(without("m"), scale=scale))
 
 
+def test_only_what_scales_with_the_mass_is_to_be_multiplied_by_it() -> None:
+    # Damping, lag and delay beside it have no mass in their units.
+    assert "Thrust and inertia assume a vehicle of 1 kg" in scale_sentence(changed(without("m"), scale=None))
+
+
 @pytest.mark.parametrize("names", [("c_1",), ("c_0", "c_1"), ("c_0", "c_1", "c_2")])
 def test_the_band_of_thrust_is_the_covariance_of_its_coefficients(names: tuple[str, ...]) -> None:
     one = without(*({"c_0", "c_1", "c_2"} - set(names)))
