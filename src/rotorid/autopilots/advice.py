@@ -95,7 +95,7 @@ def motor_advice(record: FlightRecord) -> str:
 
 def speed_advice(record: FlightRecord) -> str:
     """How the next log holds the speeds of the motors."""
-    return unread_words(record.unread, ("motor_speed_1",)) or autopilot_of(record).advice.speeds
+    return unread_words(record.unread, ("motor_speed_1",)) or autopilot_of(record).advice.speeds(record)
 
 
 def gains_advice(record: FlightRecord) -> str:

@@ -126,6 +126,10 @@ def _nothing(_record: FlightRecord) -> str:
     return ""
 
 
+def _log_speeds(_record: FlightRecord) -> str:
+    return "log the motors' speeds at 40 Hz and more"
+
+
 def _log_less(_record: FlightRecord) -> str:
     return "log less"
 
@@ -167,7 +171,7 @@ class Advice:
     sensors: Callable[[FlightRecord, float], str] = _no_sensors
     raw_gyro: Callable[[FlightRecord], str] = _nothing
     motors: Callable[[FlightRecord], str] = _nothing
-    speeds: str = "log the motors' speeds at 40 Hz and more"
+    speeds: Callable[[FlightRecord], str] = _log_speeds
     gains: str = "use the autopilot's own log, which contains its parameters"
     gaps: Callable[[FlightRecord], str] = _log_less
     wind: Callable[[FlightRecord], str] = _nothing

@@ -58,7 +58,7 @@ CRAZYFLIE = Autopilot(
         logging=_logging,
         sensors=_sensors,
         motors=_motors,
-        speeds="add rpm.m1, rpm.m2, rpm.m3 and rpm.m4 to config.txt on the card",
+        speeds=lambda _record: "add rpm.m1, rpm.m2, rpm.m3 and rpm.m4 to config.txt on the card",
         flying=sweep_by_stick,
     ),
     vehicle="crazyflie",

@@ -169,9 +169,6 @@ def _tracking(review: Review) -> Card:
     overshoots = [number for number in judged if number.name == "overshoot_percent"]
     if not rises:
         gap = _gap(review, "loops.p", "loops.q", "loops")
-        if gap is not None and " logged at " in gap.why:
-            # What the margins ask of a slow log names the settings of its autopilot.
-            gap = replace(gap, remedy=_remedy(review, "margins") or gap.remedy)
         return _unanswered(key, title, gap, "this log does not show how roll and pitch follow.")
     bad, unsure = bad_and_unsure(judged)
     if bad:

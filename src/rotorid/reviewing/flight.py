@@ -22,6 +22,7 @@ from functools import partial
 import numpy as np
 
 from rotorid.autopilots.advice import (
+    absence,
     channel_advice,
     gap_advice,
     logging_advice,
@@ -167,7 +168,8 @@ def _mean_voltage(record: FlightRecord, flights: Intervals) -> float:
 def _battery(record: FlightRecord, flights: Intervals) -> tuple[dict[str, Quantity], list[Unavailable]]:
     numbers = dict(battery_voltages(record, flights))
     if not numbers:
-        why = "Battery voltage is not logged in the air."
+        how = absence(record, "battery_voltage")
+        why = f"Battery voltage is {how}{' in the air' if how == 'not logged' else ''}."
         remedy = channel_advice(record, "battery_voltage", "turn on the battery monitor")
         return {}, [Unavailable(what="flight.battery", why=why, remedy=remedy)]
     time_s, volts = in_air(record, "battery_voltage", flights)

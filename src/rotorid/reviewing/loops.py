@@ -18,6 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from rotorid.autopilots.advice import absence, logging_advice, move_stick
+from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantities import QUANTITIES, figures_of
@@ -292,9 +293,9 @@ def _measure_loop(
     beyond = not math.isfinite(scale) and logged_hz < _FAST_ENOUGH_HZ
     if beyond or logged_hz < RATE_FOR_BANDWIDTH * min(scale, 2.0 * float(omega[usable][-1])):
         # Rates that were logged so slowly are folded over themselves: not even the response is one.
-        return None if loop.of_rates else review, (_too_slow(loop, "", logged_hz, scale),)
+        return None if loop.of_rates else review, (_too_slow(flight.record, loop, "", logged_hz, scale),)
     impulse = _impulse(response, usable, loop)
-    numbers, unavailable = _numbers(loop, impulse, response, logged_hz)
+    numbers, unavailable = _numbers(flight, loop, impulse, response, logged_hz)
     stepped = "rise_time_s" in numbers or "overshoot_percent" in numbers
     review = replace(
         review,
@@ -457,14 +458,14 @@ def _doubted(response: FrequencyResponse) -> FrequencyResponse:
 
 
 def _numbers(
-    loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
+    flight: FlightData, loop: Loop, impulse: ImpulseResponse, response: FrequencyResponse, logged_hz: float
 ) -> tuple[dict[str, Quantity], list[Unavailable]]:
     """The numbers that the rate of the log and the coherence carry, and those that they do not."""
     numbers = step_numbers(impulse, within_s=loop.within_s)
     bandwidth = numbers.get("bandwidth_90deg_rad_s")
     scale = impulse.scale_rad_s if bandwidth is None else bandwidth.value
     slow = logged_hz < RATE_FOR_STEP * scale
-    unavailable = [_too_slow(loop, "step", logged_hz, scale)] if slow else []
+    unavailable = [_too_slow(flight.record, loop, "step", logged_hz, scale)] if slow else []
     quantities: dict[str, Quantity] = {}
     for name in figures_of("loops"):
         if slow and name not in ("delay_s", "bandwidth_90deg_rad_s"):
@@ -479,7 +480,7 @@ def _numbers(
     return quantities, unavailable
 
 
-def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Unavailable:
+def _too_slow(record: FlightRecord, loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Unavailable:
     """What a log at too low a rate does not show: everything, or all but the phase."""
     step_hz, phase_hz = RATE_FOR_STEP * scale_rad_s, RATE_FOR_BANDWIDTH * scale_rad_s
     if not math.isfinite(scale_rad_s):
@@ -488,11 +489,13 @@ def _too_slow(loop: Loop, part: str, logged_hz: float, scale_rad_s: float) -> Un
         needs = f"Step, −3 dB bandwidth and resonance of this loop need {step_hz:.0f} Hz."
     else:
         needs = f"Bandwidth and delay of this loop need {phase_hz:.0f} Hz, and its step {step_hz:.0f} Hz."
+    # What an autopilot logs by itself is set by its own names.
+    own = logging_advice(record, logged_hz) if autopilot_of(record).log.own else ""
     faster = f" at {step_hz:.0f} Hz or more" if math.isfinite(scale_rad_s) else " faster"
     return Unavailable(
         what=f"loops.{loop.name}.{part}".rstrip("."),
         why=f"The {loop.words} or its set-point is logged at only {logged_hz:.0f} Hz. {needs}",
-        remedy=f"log the {loop.words} and set-point{faster}",
+        remedy=own or f"log the {loop.words} and set-point{faster}",
     )
 
 

@@ -26,7 +26,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rotorid.autopilots.advice import absence, motor_advice, speed_advice
+from rotorid.autopilots.advice import absence, logging_advice, motor_advice, speed_advice
 from rotorid.data.display import counted, listed
 from rotorid.data.findings import Finding, warn
 from rotorid.data.quantities import COMPARE, QUANTITIES
@@ -417,6 +417,8 @@ def _delay(flight: FlightData) -> tuple[dict[str, Quantity], list[Unavailable]]:
             return {"output_delay_s": Quantity.normal(*fitted, "s")}, []
         reasons.append("Command and rate are not coherent enough between 10 and 80 rad/s.")
     remedy = "move the roll stick quickly left and right for 30 s, and log commands and rates at 100 Hz or more"
+    if missing := tuple(name for name in ("roll_command", "p") if name not in flight.record):
+        remedy = logging_advice(flight.record, 0.0, missing)
     return {}, [Unavailable(what=what, why=reasons[0], remedy=remedy)]
 
 

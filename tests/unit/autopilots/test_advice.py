@@ -14,6 +14,7 @@ from rotorid.autopilots.advice import (
     motor_advice,
     raw_gyro_advice,
     sensor_advice,
+    speed_advice,
     wind_advice,
 )
 from rotorid.autopilots.ardupilot.advice import decimation_findings, missing_rate, slow_topics
@@ -72,6 +73,7 @@ ADVICES: dict[str, Callable[[FlightRecord], str]] = {
     "raw gyro": raw_gyro_advice,
     "sensors": lambda flight: sensor_advice(flight, 5.0),
     "motors": motor_advice,
+    "speeds": speed_advice,
     "wind": wind_advice,
 }
 OLD_COPTER = ("ArduPilot DataFlash", "ArduCopter V3.2.1", {"LOG_BITMASK": 43006.0})
@@ -92,6 +94,12 @@ LIMITED = {"INS_LOG_BAT_MASK": 1.0, "INS_LOG_BAT_OPT": 4.0, "LOG_BACKEND_TYPE": 
         ("raw gyro", ("Betaflight blackbox", "Betaflight 4.3.1", {}), "GYRO_SCALED"),
         ("raw gyro", ("Betaflight blackbox", "Betaflight 4.5.1", {}), "blackbox_disable_gyrounfilt"),
         ("raw gyro", ("Betaflight blackbox", "INAV 7.1.0", {}), ""),
+        ("raw gyro", ("Betaflight blackbox", "Betaflight 3.2.0", {}), "set debug_mode = GYRO"),
+        ("raw gyro", ("Betaflight blackbox", "Betaflight 3.0.1", {}), "fly Betaflight 4.0 or newer"),
+        ("speeds", OLD_COPTER, "fly firmware 4.0 or newer"),
+        ("speeds", ("ArduPilot DataFlash", "ArduCopter V4.6.2", {}), "bidirectional DShot"),
+        ("speeds", ("Betaflight blackbox", "Betaflight 4.3.1", {}), "fly Betaflight 4.5 or newer"),
+        ("speeds", ("Betaflight blackbox", "Betaflight 4.5.1", {}), "bidirectional DShot"),
         ("sensors", OLD_COPTER, "fly firmware 3.4 or newer"),
         ("sensors", ("ArduPilot DataFlash", "ArduCopter V4.6.2", BATCHES), "set INS_LOG_BAT_MASK = 1"),
         ("sensors", ("ArduPilot DataFlash", "ArduCopter V4.6.2", LIMITED), "LOG_BLK_RATEMAX = 5 limits every message"),

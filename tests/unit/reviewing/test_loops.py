@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -147,6 +149,13 @@ def test_a_slow_log_tells_as_much_as_it_carries(log_hz: float, told: set[str], m
     assert why.what == missing
     assert f"at only {log_hz:.0f} Hz" in why.why
     assert why.remedy.endswith("Hz or more")
+
+
+def test_a_slow_log_of_an_autopilot_names_the_setting_that_makes_it_fast() -> None:
+    log = record(log_hz=50.0, natural=25.0, stick_hz=25.0, parameters={"LOG_BITMASK": 176126.0})
+    log = replace(log, source=replace(log.source, format="ArduPilot DataFlash", firmware="ArduCopter V4.6.2"))
+    _, (why,) = loop_of(flown(log), LOOPS[0])
+    assert why.remedy.startswith("set LOG_BITMASK = 438271")
 
 
 def test_half_a_sample_of_a_slow_log_is_in_the_interval_of_its_delay() -> None:

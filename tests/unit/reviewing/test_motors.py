@@ -254,6 +254,13 @@ def test_px4_is_told_which_topics_to_log_at_which_interval() -> None:
     assert "actuator_motors 0" in logger_topics(slow, wanted=["motor_1"])
 
 
+def test_firmware_that_cannot_log_commands_is_not_told_to_log_them() -> None:
+    old = record({"p": np.full(2000, 0.1)}, 100.0, "ArduPilot DataFlash")
+    log = replace(old, source=replace(old.source, firmware="ArduCopter V3.2.1"))
+    (delay,) = (missing for missing in motors(log)[1] if missing.what == "motors.output_delay_s")
+    assert delay.remedy.startswith("fly firmware 3.4 or newer")
+
+
 def test_a_gap_in_flight_is_told_with_its_remedy() -> None:
     columns = hovering(30.0, 250.0)
     whole = record(columns, 250.0, "Betaflight blackbox")

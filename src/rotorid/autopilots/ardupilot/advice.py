@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from rotorid.autopilots.ardupilot.firmware import RATE_FROM, Firmware, named
 from rotorid.autopilots.ardupilot.system_id import RULES, SID_AXIS, start_mode
+from rotorid.autopilots.autopilot import BY_DSHOT
 from rotorid.autopilots.numbers import whole
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, Severity, remark, warn
@@ -32,6 +33,9 @@ _AT_LIMIT = 1.2
 
 _BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
 _OUTPUTS_BIT = 10
+
+_ESC_FROM = (3, 6)
+"""The first copter firmware that logs what motor controllers send."""
 
 _SERVO = re.compile(r"SERVO\d+_FUNCTION")
 
@@ -169,6 +173,13 @@ def motor_advice(parameters: Mapping[str, float]) -> str:
     if not assigned and (not parameters or "SERVO1_FUNCTION" in parameters):
         steps.append("set SERVOn_FUNCTION of the motors")
     return " and ".join(steps)
+
+
+def speed_advice(firmware: str) -> str:
+    """How the next log holds the speeds of the motors."""
+    if named(firmware).before(_ESC_FROM):
+        return f"fly firmware 4.0 or newer: {firmware} logs no motor speeds"
+    return BY_DSHOT
 
 
 def wind_advice(parameters: Mapping[str, float]) -> str:

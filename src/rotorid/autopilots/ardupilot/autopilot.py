@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log
+from rotorid.autopilots.autopilot import Advice, Autopilot, Card, Log
 
 if TYPE_CHECKING:
     from rotorid.autopilots.notches import FilterChange, Motion, MovingNotches, NoiseLines
@@ -81,6 +81,12 @@ def _motors(record: FlightRecord) -> str:
     from rotorid.autopilots.ardupilot.advice import motor_advice
 
     return motor_advice(record.parameters)
+
+
+def _speeds(record: FlightRecord) -> str:
+    from rotorid.autopilots.ardupilot.advice import speed_advice
+
+    return speed_advice(record.source.firmware)
 
 
 def _gaps(_record: FlightRecord) -> str:
@@ -160,7 +166,7 @@ ARDUPILOT = Autopilot(
         sensors=_sensors,
         raw_gyro=_raw_gyro,
         motors=_motors,
-        speeds=BY_DSHOT,
+        speeds=_speeds,
         gains="log the parameters",
         gaps=_gaps,
         wind=_wind,

@@ -11,6 +11,8 @@ import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from rotorid.autopilots.autopilot import BY_DSHOT
+
 _RATIO_FROM = (4, 0)
 """From here on the logging rate is called ``blackbox_p_ratio``, and set-points are logged."""
 
@@ -19,6 +21,12 @@ _FIELDS_FROM = (4, 3)
 
 _UNFILTERED_FROM = (4, 5)
 """From here on ``gyroUnfilt`` is a field of its own; before, a debug mode shows it."""
+
+_SHOWN_FROM, _SCALED_FROM = (3, 1), (3, 4)
+"""From here on that mode is read, and from here on it is called ``GYRO_SCALED``; before, ``GYRO``."""
+
+_SPEEDS_FROM = (4, 5)
+"""From here on ``eRPM`` is a field."""
 
 _FIELDS: Mapping[str, str] = MappingProxyType({"motor_": "motors", "_stick": "rc", "_command": "pids"})
 """A part of the name of a channel, and the field of the blackbox that holds it."""
@@ -68,9 +76,18 @@ def raw_gyro_advice(firmware: str) -> str:
     """How the next log holds the gyro before its filters."""
     if _OTHERS.match(firmware):
         return ""
+    if _before(firmware, _SHOWN_FROM):
+        return "fly Betaflight 4.0 or newer with debug_mode = GYRO_SCALED"
     if _before(firmware, _UNFILTERED_FROM):
-        return "set debug_mode = GYRO_SCALED"
+        return f"set debug_mode = {'GYRO' if _before(firmware, _SCALED_FROM) else 'GYRO_SCALED'}"
     return "set blackbox_disable_gyrounfilt = OFF"
+
+
+def speed_advice(firmware: str) -> str:
+    """How the next log holds the speeds of the motors."""
+    if not _OTHERS.match(firmware) and _before(firmware, _SPEEDS_FROM):
+        return "fly Betaflight 4.5 or newer, which logs the motors' speeds, with dshot_bidir = ON"
+    return BY_DSHOT
 
 
 def gap_advice(firmware: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rotorid.autopilots.autopilot import BY_DSHOT, Advice, Autopilot, Card, Log, sweep_by_stick
+from rotorid.autopilots.autopilot import Advice, Autopilot, Card, Log, sweep_by_stick
 from rotorid.autopilots.betaflight import advice
 
 if TYPE_CHECKING:
@@ -62,6 +62,10 @@ def _motors(record: FlightRecord) -> str:
     return advice.field_advice(record.source.firmware, ("motor_1",))
 
 
+def _speeds(record: FlightRecord) -> str:
+    return advice.speed_advice(record.source.firmware)
+
+
 def _gaps(record: FlightRecord) -> str:
     return advice.gap_advice(record.source.firmware)
 
@@ -99,7 +103,7 @@ BETAFLIGHT = Autopilot(
         sensors=_sensors,
         raw_gyro=_raw_gyro,
         motors=_motors,
-        speeds=BY_DSHOT,
+        speeds=_speeds,
         gains="fly Betaflight 4.0 or newer, whose gains are known",
         gaps=_gaps,
         flying=sweep_by_stick,

@@ -121,7 +121,7 @@ _NEAR: Mapping[str, tuple[tuple[str, ...], str]] = MappingProxyType(
         "eRPM[0]": (("motor_speed_",), "the header does not state the poles of the motors (motor_poles)"),
         "escRPM": (("motor_speed_",), "it is one number for all motors"),
         "accSmooth[0]": (("ax", "ay", "az"), "the header does not state what 1 g is (acc_1G)"),
-        "vbatLatest": (("battery_voltage",), "its unit depends on the firmware, which is not known here"),
+        "vbatLatest": (("battery_voltage",), "its unit is known only for Betaflight 3.1 and newer"),
     }
 )
 """Fields near to channels that a flight may lack: these, and why they do not come from there."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.unit.io.blackbox_log import END, header, inter, intra, only, record_of, signed, unsigned
 
-from rotorid.autopilots.advice import speed_advice
+from rotorid.autopilots.advice import channel_advice, speed_advice
 from rotorid.data.record import FlightRecord
 from rotorid.typing import FloatArray
 
@@ -332,6 +332,13 @@ def test_first_loggers_give_the_gyro_in_radians_per_microsecond(tmp_path: Path) 
 def test_battery_voltage_depends_on_the_firmware(tmp_path: Path, revision: str, field: str, volts: float) -> None:
     found = one_frame(tmp_path, f"H Firmware revision:{revision}\n", gyroADC__0=1, vbatLatest=162)
     assert found.get("battery_voltage", 0) == pytest.approx(volts)
+
+
+def test_a_voltage_of_unknown_unit_is_named_with_the_firmware_that_has_one(tmp_path: Path) -> None:
+    revision = "H Firmware revision:Betaflight 3.0.1 (a)\n"
+    start = header(["gyroADC[0]", "vbatLatest"], inter_encoding=[0, 0], inter_predictor=[0, 0], lines=revision)
+    old = record_of(start + intra(0, 5000, 1, 162) + END, tmp_path)
+    assert channel_advice(old, "battery_voltage").endswith("its unit is known only for Betaflight 3.1 and newer")
 
 
 def test_a_flight_with_a_broken_header_costs_only_itself(tmp_path: Path) -> None:
