@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorid.autopilots.advice import logging_advice, raw_gyro_advice, sensor_advice
+from rotorid.autopilots.advice import gap_advice, logging_advice, raw_gyro_advice, sensor_advice
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.notches import Motion, NoiseLines
 from rotorid.autopilots.registry import autopilot_of
@@ -33,7 +33,7 @@ from rotorid.flights.sensor_samples import (
 )
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import controller_filters
-from rotorid.spectral.noise import ShortSpectra, by_level, lines, short_spectra
+from rotorid.spectral.noise import OVERLAP, WINDOW_S, ShortSpectra, by_level, lines, short_spectra
 from rotorid.typing import FloatArray
 
 _MOST_WINDOWS = 480
@@ -119,6 +119,16 @@ def _too_slow(record: FlightRecord, sensors: list[Sensor]) -> InsufficientDataEr
     return InsufficientDataError(f"{why}, too slow for the noise of the motors", remedy=remedy or "log it faster")
 
 
+def _too_few_windows(record: FlightRecord) -> InsufficientDataError:
+    flown_s = sum(stop - start for start, stop in airborne(record).intervals)
+    if flown_s > WINDOW_S * (1.0 + _FEWEST_WINDOWS * (1.0 - OVERLAP)):
+        why = "the gyro is logged with too many gaps to measure its noise"
+        return InsufficientDataError(why, remedy=gap_advice(record))
+    return InsufficientDataError(
+        "the flight is too short to measure the noise of its gyro", remedy="fly and log for 20 s or more"
+    )
+
+
 def _usable(record: FlightRecord, sensors: Mapping[str, Sensor], stage: str) -> bool:
     """Whether sensors of one stage show the noise that their controller takes."""
     rates = [sensor.rate_hz for sensor in sensors.values()]
@@ -188,9 +198,7 @@ def _noise_of(record: FlightRecord, sensors: Mapping[str, Sensor], *, raw: bool)
     count = min((one.time_s.size for one in spectra.values()), default=0)
     same = {one.frequency_hz.size for one in spectra.values()}
     if len(spectra) < len(RATES) or count < _FEWEST_WINDOWS or len(same) != 1:
-        raise InsufficientDataError(
-            "the flight is too short to measure the noise of its gyro", remedy="fly and log for 20 s or more"
-        )
+        raise _too_few_windows(record)
     first = spectra["p"]
     rows = np.unique(np.linspace(0, count - 1, min(count, _MOST_WINDOWS)).astype(np.int64))
     motion = _motion(record, first.time_s[:count])
