@@ -201,6 +201,8 @@ class Card:
     ----------
     way_out
         How a test is broken off.
+    hand_way_out
+        How a plan that is all flown by hand is broken off; empty where that is the same.
     way_height
         Where the throttle belongs on the way out, where a hand keeps the height.
     way_tried
@@ -216,6 +218,7 @@ class Card:
     """
 
     way_out: str = "end the test, level, hold position"
+    hand_way_out: str = ""
     way_height: str = ""
     way_tried: str = ""
     loaded: str = "Commands, rates and attitude logged at {rate_hz:.0f} Hz or more; space on the card"

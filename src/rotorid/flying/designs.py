@@ -149,7 +149,8 @@ def default_entry(aircraft: Aircraft, axis: Axis) -> Entry:
 
     Where that are attitudes, thrust is added to what the mixer receives.
     """
-    return named(aircraft.autopilot.kind).entry if axis != "thrust" else "command"
+    entry = named(aircraft.autopilot.kind).entry
+    return entry if axis != "thrust" or entry == "stick" else "command"
 
 
 def by_hand(aircraft: Aircraft, axis: Axis) -> Entry:

@@ -61,7 +61,13 @@ def betaflight_files(plan: FlightPlan, facts: FlightFacts) -> dict[str, str]:
     """
     by_hand = flown_by_hand(plan, "Betaflight")
     sweeps = [planned for planned in plan.inputs if planned not in by_hand]
-    for planned in sweeps or plan.inputs:
+    if not sweeps:
+        raise UsageError(
+            "Betaflight has no files for test inputs at the sticks",
+            needed="logarithmic sweeps of the rate set-points of roll, pitch and yaw",
+            remedy="fly them by hand with the flight card, or plan such sweeps",
+        )
+    for planned in sweeps:
         _require_chirp(planned)
     for before, after in pairwise(sweeps):
         if ORDER.index(after.axis) <= ORDER.index(before.axis) or _shared(after) != _shared(before):

@@ -215,6 +215,11 @@ def flown_by_hand(plan: FlightPlan, autopilot: str) -> tuple[PlannedInput, ...]:
     )
 
 
+def all_by_hand(plan: FlightPlan, autopilot: str) -> bool:
+    """Whether a pilot flies the whole plan, so that no files are loaded."""
+    return len(flown_by_hand(plan, autopilot)) == len(plan.inputs)
+
+
 def throttle_by_hand(plan: FlightPlan, autopilot: str) -> bool:
     """Whether the pilot's hand keeps the height during the runs that an autopilot makes."""
     return named(autopilot).hand_on_throttle(plan)
@@ -224,7 +229,8 @@ def how_to_stop(plan: FlightPlan, autopilot: str) -> str:
     """How the pilot stops a run: the same words on the card and in every file."""
     card = named(autopilot).card
     height = f", {card.way_height}" if card.way_height and throttle_by_hand(plan, autopilot) else ""
-    return f"{card.way_out}{height}"
+    way_out = card.hand_way_out if card.hand_way_out and all_by_hand(plan, autopilot) else card.way_out
+    return f"{way_out}{height}"
 
 
 def _stepped(value: float) -> float:

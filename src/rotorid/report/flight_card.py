@@ -24,7 +24,15 @@ from rotorid.data.quantity import MISSING, percent, significant, unit, with_erro
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
 from rotorid.plans.ardupilot import plan_log_bitmask
-from rotorid.plans.facts import FlightFacts, PredictedBound, excited_s, flown_by_hand, how_to_stop, throttle_by_hand
+from rotorid.plans.facts import (
+    FlightFacts,
+    PredictedBound,
+    all_by_hand,
+    excited_s,
+    flown_by_hand,
+    how_to_stop,
+    throttle_by_hand,
+)
 from rotorid.report.frame import asset
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
@@ -106,10 +114,10 @@ def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
     """What the pilot does during every run, and who controls the throttle."""
     autopilot = facts.autopilot
     by_hand = flown_by_hand(plan, autopilot)
-    if len(by_hand) == len(plan.inputs):
+    if all_by_hand(plan, autopilot):
         return (
-            "Each run: start and end in trimmed hover. Follow the picture with the stick of that axis"
-            f"{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
+            f"Each run: start and end in trimmed hover{named(autopilot).card.hand_mode}. Follow the picture with the "
+            f"stick of that axis{_hand_words(plan.inputs)}. Other sticks: small, slow corrections only."
         )
     card = named(autopilot).card
     words = card.how(plan, [planned for planned in plan.inputs if planned not in by_hand], facts.firmware)
@@ -128,7 +136,7 @@ def _check_words(plan: FlightPlan, card: Card) -> str:
 def before(plan: FlightPlan, facts: FlightFacts) -> list[str]:
     """What to check before the flight."""
     card = named(facts.autopilot).card
-    loaded = card.loaded.format(
+    loaded = (Card() if all_by_hand(plan, facts.autopilot) else card).loaded.format(
         mask=plan_log_bitmask(plan), profile=log_profile(facts.firmware), rate_hz=least_rate_hz(plan)
     )
     stop = how_to_stop(plan, facts.autopilot)

@@ -49,6 +49,7 @@ def test_an_autopilot_gets_inputs_where_it_can_take_them() -> None:
     px4, ardupilot = aircraft("px4_quad"), aircraft("ardupilot_quad")
     assert [default_entry(px4, axis) for axis in ("roll", "thrust")] == ["attitude_setpoint", "command"]
     assert default_entry(ardupilot, "roll") == "command"
+    assert {default_entry(aircraft("betaflight_quad"), axis) for axis in ("roll", "thrust")} == {"stick"}
     assert (sweep_of(px4), sweep_of(ardupilot)) == ("pilot_sweep", "logarithmic_sweep")
 
 

@@ -91,6 +91,7 @@ def test_zeros_around_a_sweep_are_no_part_of_its_duration() -> None:
     ("inputs", "words"),
     [
         ((planned("thrust"),), "Betaflight cannot fly"),
+        ((planned("roll", entry="stick"),), "no files for test inputs at the sticks"),
         ((planned("roll", entry="command"),), "rate set-points"),
         ((step("roll", entry="rate_setpoint"),), "logarithmic sweeps"),
         ((planned("pitch"), planned("roll", start_s=30.0)), "order roll, pitch, yaw"),

@@ -288,6 +288,15 @@ def test_sticks_are_flown_by_hand_whatever_the_autopilot(autopilot: str) -> None
     assert "Follow the picture with the stick" in words(many(), facts(autopilot))
 
 
+def test_a_plan_by_hand_asks_for_no_file_and_no_mode_that_flies_it() -> None:
+    text = words(many(), facts("Betaflight"))
+    assert "Commands, rates and attitude logged at" in text
+    assert "start and end in trimmed hover, in ANGLE." in text
+    assert "To stop: level, land." in text
+    assert "CHIRP" not in text
+    assert "LOG_BITMASK" not in words(many(), facts("ArduPilot"))
+
+
 def test_what_system_id_mode_cannot_fly_is_flown_by_the_script() -> None:
     text = words(at_once(), facts("ArduPilot"))
     assert "switch to Guided" in text

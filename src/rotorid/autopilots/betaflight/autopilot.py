@@ -114,12 +114,15 @@ BETAFLIGHT = Autopilot(
     gain="rollPID_P",
     thrust_parameter=_thrust,
     gains_by_throttle=True,
+    # Few firmwares have CHIRP, and it sweeps no thrust.
+    entry="stick",
     leaves_steps=True,
     hand_on_throttle=_hand_on_throttle,
     has_plan_files=True,
     loading="In the Betaflight Configurator: open the CLI tab and paste the file.",
     card=Card(
         way_out="switch CHIRP off, level, land",
+        hand_way_out="level, land",
         loaded="CLI lines pasted; debug_mode reads CHIRP; blackbox empty enough",
         ready="ANGLE mode on a switch; failsafe set and tried",
         hand_mode=", in ANGLE",
