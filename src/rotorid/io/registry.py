@@ -100,16 +100,12 @@ def read(
 
 
 def _read(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | None, *, sandbox: bool) -> FlightRecord:
-    return checked_speeds(screened(_as_logged(path, mapping, sandbox=sandbox)))
-
-
-def _as_logged(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | None, *, sandbox: bool) -> FlightRecord:
     named_by = ""
     if mapping is not None and not isinstance(mapping, ChannelMapping):
         named_by = visible(Path(mapping).name)
         mapping = read_mapping(Path(mapping))
     if path.is_dir() and mapping is None:
-        return _read_folder(path)
+        return checked_record(_read_folder(path), None)
     parts = {file: mapping.part(file) for file in mapping.files} if mapping else {}
     record = _read_file(path, parts.pop("", None), sandbox=sandbox)
     others = {file: _read_file(_below(path.parent, file), part, sandbox=sandbox) for file, part in parts.items()}
@@ -118,6 +114,8 @@ def _as_logged(path: Path, mapping: ChannelMapping | str | os.PathLike[str] | No
 
 def checked_record(record: FlightRecord, mapping: ChannelMapping | None, named_by: str = "") -> FlightRecord:
     """A record that has passed the checks of every log: by its mapping, of impossible values and of motor speeds.
+
+    Records of arrays pass the same ones.
 
     Parameters
     ----------
@@ -128,13 +126,16 @@ def checked_record(record: FlightRecord, mapping: ChannelMapping | None, named_b
     ------
     UsageError
         The samples contradict the mapping.
+    LogError
+        Nothing was logged.
     """
     if mapping is not None:
         require_agreement(record, mapping)
         (record,) = with_sensor_filters((record,), mapping.filters, option=f"the mapping {named_by}".rstrip())
     if named_by:
         record = replace(record, source=replace(record.source, mapping=named_by))
-    return record
+    with np.errstate(all="ignore"):
+        return checked_speeds(screened(record))
 
 
 def _read_file(path: Path, mapping: ChannelMapping | None, *, sandbox: bool) -> FlightRecord:

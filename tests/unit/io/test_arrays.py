@@ -36,6 +36,20 @@ def test_arrays_are_the_table_that_has_them(tmp_path: Path) -> None:
     assert [finding.kind for finding in record.findings] == [finding.kind for finding in table.findings]
 
 
+def test_arrays_pass_the_checks_of_a_log(tmp_path: Path) -> None:
+    """Stamps that step back and impossible values are left out, and said, as those of a table are."""
+    stamps, spoiled = TIME_S.copy(), P.copy()
+    stamps[120:] -= 0.505
+    spoiled[20] = 1e30
+    path = tmp_path / "arrays"
+    rows = [f"{stamp!r},{rate!r}" for stamp, rate in zip(stamps.tolist(), spoiled.tolist(), strict=True)]
+    path.write_text("\n".join(["time [s],p", *rows]) + "\n")
+    record, table = record_from_arrays(stamps, {"p": spoiled}), rotorid.read(path)
+    same(record, table)
+    assert [finding.kind for finding in record.findings] == ["clock_disorder", "impossible_value"]
+    assert [finding.message for finding in record.findings] == [finding.message for finding in table.findings]
+
+
 def test_what_was_not_sampled_has_stamps_of_its_own() -> None:
     slow = np.where(np.arange(TIME_S.size) % 10 == 0, P, np.nan)
     record = record_from_arrays(TIME_S, {"p": P, "q": slow, "r": (TIME_S[::4], P[::4])})
