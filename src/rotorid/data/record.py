@@ -621,7 +621,7 @@ class FlightRecord(Immutable):
         Raises
         ------
         LogError, UsageError
-            As of :meth:`from_arrays`.
+            As of :meth:`from_arrays`, or the index counts rows.
 
         Examples
         --------

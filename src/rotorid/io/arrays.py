@@ -64,6 +64,7 @@ def record_from_pandas(frames: Any, *, mapping: MappingLike = None, name: str = 
                 f"{topic} is of type {type(frame).__name__}", needed="a pandas DataFrame, or a mapping of several"
             )
         units = frame.attrs.get("units", {})
+        _require_stamps(frame.index, topic, list(map(str, frame.columns)))
         clock = _numbers(frame.index, name, f"the index of {topic}")
         for column in frame.columns:
             key = f"{column} [{units[column]}]" if units.get(column) else str(column)
@@ -73,6 +74,18 @@ def record_from_pandas(frames: Any, *, mapping: MappingLike = None, name: str = 
                 )
             _add(found, key, clock, _numbers(frame[column], name, key), name)
     return _record(found, mapping, name)
+
+
+def _require_stamps(index: Any, topic: str, columns: list[str]) -> None:
+    """Refuse an index that counts rows: pandas gives one to every frame that was given none."""
+    if type(index).__name__ != "RangeIndex":
+        return
+    time = next((column for column in columns if column.lower().startswith(("time", "t [", "stamp"))), "time [s]")
+    raise LogError(
+        f"the index of {topic} counts rows",
+        needed="stamps in seconds as the index",
+        remedy=f"use frame.set_index({time!r})",
+    )
 
 
 def _has_stamps(given: Any) -> bool:

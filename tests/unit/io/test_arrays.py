@@ -125,6 +125,15 @@ def test_dates_are_no_seconds(unit: str) -> None:
             record_from_pandas(frames.DataFrame({"p": P}, index=stamps))
 
 
+def test_numbers_of_rows_are_no_seconds() -> None:
+    """A frame as ``read_csv`` gives it has its stamps in a column, and counts its rows."""
+    frames = pytest.importorskip("pandas")
+    frame = frames.DataFrame({"time [s]": TIME_S, "p [deg/s]": np.rad2deg(P)})
+    with pytest.raises(LogError, match=r"index of arrays counts rows; .* use frame.set_index\('time \[s\]'\)"):
+        FlightRecord.from_pandas(frame)
+    same(FlightRecord.from_pandas(frame.set_index("time [s]")), record_from_arrays(TIME_S, {"p": P}))
+
+
 def test_masked_samples_are_none() -> None:
     masked = np.ma.MaskedArray(P, mask=TIME_S > 1.0)
     record = record_from_arrays(TIME_S, {"p": masked, "q": P})
