@@ -198,10 +198,11 @@ def joined(
         Vehicle that stands for what no result says.
     """
     from rotorid.flying.vehicle_from_results import JoinedVehicle
+    from rotorid.results.model import as_models
 
     if isinstance(what, JoinedVehicle):
         return what
-    models = what if isinstance(what, Sequence) else [what]
+    models = as_models(what)
     vehicle = _made(models, choices, given, layout, like)
     if vehicle.multirotor is None or not any(model.bounds.names for model in models):
         return vehicle

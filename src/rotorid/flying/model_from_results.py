@@ -25,6 +25,7 @@ from rotorid.models.structure import LinearStructure
 from rotorid.results.model import (
     FittedData,
     IdentifiedModel,
+    as_models,
     bounds_of,
     no_response,
     parameter_estimates,
@@ -140,6 +141,7 @@ def joined_model(models: Sequence[IdentifiedModel], *, name: str = JOINED) -> Id
 
 
 def _require_separate(models: Sequence[IdentifiedModel]) -> None:
+    as_models(models)
     if len(models) < 2:
         raise UsageError(
             f"only {len(models)} model to join", needed="two or more, such as hover.longitudinal and hover.lateral"

@@ -38,8 +38,9 @@ from rotorid.flights.segments import built, with_ingredients
 from rotorid.flying.flight_points import over_speed
 from rotorid.flying.model_from_results import HALVES
 from rotorid.flying.settings import StitchSettings
+from rotorid.io.records import as_records
 from rotorid.models.controller import stepped
-from rotorid.results.model import IdentifiedModel, bounds_of
+from rotorid.results.model import IdentifiedModel, Records, as_models, bounds_of
 from rotorid.results.provenance import Provenance, hashes, logged
 from rotorid.settings.given_controllers import GivenController
 from rotorid.settings.option import as_settings
@@ -361,7 +362,7 @@ def _std(number: object) -> float:
 
 def stitch(
     models: Mapping[str, IdentifiedModel],
-    records: Sequence[FlightRecord] = (),
+    records: Records = (),
     *,
     settings: StitchSettings | None = None,
     **options: Unpack[StitchOptions],
@@ -375,7 +376,8 @@ def stitch(
         several speeds: two and more of each model that is there, or one and a result of ``physical.flight`` of the
         same vehicle. Their trim is that of their constants ``U0 W0 theta0 phi0`` and of the mean commands.
     records
-        Flights in which the speed changes, flown under controllers whose gains the log holds; both models are needed.
+        Flights in which the speed changes, or their files, flown under controllers whose gains the log holds; both
+        models are needed.
     settings
         Choices; everything has a default.
     **options
@@ -396,7 +398,10 @@ def stitch(
     >>> stitched.curves["hover.longitudinal"]["X_u"].at(np.array([2.0]))  # doctest: +SKIP
     (array([-0.27]), array([0.012]))
     """
-    chosen = as_settings(StitchSettings, settings, options)
+    chosen, records = as_settings(StitchSettings, settings, options), as_records(records, optional=True)
+    if not isinstance(models, Mapping):
+        raise UsageError(f"{type(models).__name__} has no names of models", needed="a dictionary of names to results")
+    as_models(models.values())
     further, added = _with_further_speeds(models)
     points = _points(further)
     sources = [model.provenance for model in models.values()]

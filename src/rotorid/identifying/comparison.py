@@ -31,7 +31,7 @@ from rotorid.flights.selection import (
     require_inside,
 )
 from rotorid.io.records import as_records
-from rotorid.results.model import IdentifiedModel, Records
+from rotorid.results.model import IdentifiedModel, Records, as_models
 from rotorid.results.provenance import Provenance
 from rotorid.settings.identifying import IdentifySettings
 from rotorid.settings.option import as_settings
@@ -339,7 +339,7 @@ def compare(
     InsufficientDataError
         Logs came, and no model could be scored on any of them; the findings say why.
     """
-    settings, records = as_settings(IdentifySettings, settings, options), as_records(records)
+    settings, records = as_settings(IdentifySettings, settings, options), as_records(records, optional=True)
     entries = entries_of(models)
     if not records:
         return _comparison(entries, (), OnLogs(maneuvers=()), settings)
@@ -374,8 +374,9 @@ def entries_of(models: Sequence[Compared]) -> tuple[Entry, ...]:
     Raises
     ------
     UsageError
-        Fewer than two came.
+        Fewer than two came, or what is no model.
     """
+    as_models([model.model if isinstance(model, Entry) else model for model in models])
     if len(models) < 2:
         raise UsageError(
             f"only {counted(len(models), 'result')} to compare", needed="at least two", remedy="add another folder"

@@ -98,7 +98,7 @@ def identify(
     chosen = as_settings(IdentifySettings, settings, options)
     model = _with_channels(model, chosen, as_names(inputs), decoupled=decoupled)
     fitted = as_records(records)
-    every = with_sensor_filters((*fitted, *as_records(verify)), chosen.filters)
+    every = with_sensor_filters((*fitted, *as_records(verify, optional=True)), chosen.filters)
     logs, unseen = every[: len(fitted)], every[len(fitted) :]
     if chosen.add_noise_percent is None:
         return identify_by(method_of(model, logs, chosen), logs, verify=unseen)
@@ -233,7 +233,7 @@ def identify_motors(records: Records, choices: MotorSettings | None = None, *, v
     from rotorid.identifying.motors import Motors
 
     method = Motors(choices or MotorSettings())
-    return identify_by(method, as_records(records), verify=as_records(verify))
+    return identify_by(method, as_records(records), verify=as_records(verify, optional=True))
 
 
 def refused(

@@ -126,8 +126,8 @@ def identify_several(
     --------
     >>> answers = identify_several("flight.ulg", ["rate.roll", "rate.pitch"])  # doctest: +SKIP
     """
-    logs, unseen = as_records(records), as_records(verify)
     chosen = as_settings(IdentifySettings, settings, options)
+    logs, unseen = as_records(records), as_records(verify, optional=True)
     wanted = supported_models(logs, chosen) if asks_all(models) else _each(models)
     require_known_by_any(wanted, chosen)
     answers: dict[str, IdentifiedModel | Refused] = {}

@@ -29,7 +29,7 @@ from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.flights.supports import unsupported
 from rotorid.identifying.identification import identify
 from rotorid.identifying.settings import TrackSettings
-from rotorid.io.records import as_records
+from rotorid.io.records import as_record
 from rotorid.models.families import RATE_AXIS, rate_model_of
 from rotorid.models.parameter import no_such
 from rotorid.results.model import IdentifiedModel
@@ -160,7 +160,7 @@ def track(
     >>> found.tracking.steps  # doctest: +SKIP
     """
     chosen = as_settings(TrackSettings, settings, options)
-    (log,) = as_records(record)
+    log = as_record(record)
     name = model if isinstance(model, str) else model.name
     axis, chosen_axis = _axis(model, chosen.axis)
     findings = require_one_autopilot([model], [log]) if isinstance(model, IdentifiedModel) else ()

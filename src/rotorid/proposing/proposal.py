@@ -38,7 +38,7 @@ from rotorid.proposing.remarks import reason_without_gains, remarks_of, thrust_r
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.proposing.thrust import ThrustLinearization, linearization
-from rotorid.results.model import IdentifiedModel, Records, Refused
+from rotorid.results.model import IdentifiedModel, Records, Refused, as_models
 from rotorid.results.provenance import Provenance, provenance
 from rotorid.settings.option import as_settings
 from rotorid.tuning.gain_files import GainFile
@@ -164,8 +164,8 @@ def tune(
     (0.15, 0.21)
     """
     chosen = as_settings(TuneSettings, settings, options)
-    logs = as_records(records)
-    given = (models,) if isinstance(models, IdentifiedModel) else tuple(models)
+    logs = as_records(records, optional=True)
+    given = as_models(models, remedy="read a result with rotorid.load, and give logs as records=")
     foreign = judge if judge is None or isinstance(judge, GainFile) else load_gains(judge)
     if foreign is not None and len(chosen.axes) == len(chosen.outer) == 1:
         foreign = foreign.of(chosen.outer[0])

@@ -580,6 +580,40 @@ class Refused(Immutable):
     provenance: Provenance
 
 
+def as_models(models: IdentifiedModel | Iterable[IdentifiedModel], *, remedy: str = "") -> tuple[IdentifiedModel, ...]:
+    """Identified models; a single one may come without a list around it.
+
+    Parameters
+    ----------
+    models
+        What a program handed to a verb.
+    remedy
+        What to do about a text, which is a folder of a result that nobody has read by default.
+
+    Raises
+    ------
+    UsageError
+        One of them is no model.
+
+    Examples
+    --------
+    >>> as_models("rotorid-out/flight")
+    Traceback (most recent call last):
+    rotorid.errors.UsageError: 'rotorid-out/flight' is no identified model; read a result with rotorid.load.
+    """
+    single = isinstance(models, IdentifiedModel | str | Path) or not isinstance(models, Iterable)
+    found = (models,) if single else tuple(models)  # type: ignore[arg-type]
+    for model in found:
+        if not isinstance(model, IdentifiedModel):
+            text = isinstance(model, str | Path)
+            raise UsageError(
+                f"{cut(repr(str(model)), 60) if text else type(model).__name__} is no identified model",
+                needed="" if text else "what rotorid.identify or rotorid.load gave",
+                remedy=(remedy or "read a result with rotorid.load") if text else "",
+            )
+    return found  # type: ignore[return-value]
+
+
 def bounds_of(bounds: Bounds, names: Sequence[str]) -> Bounds:
     """The bounds of some of the parameters, in the order of ``names``."""
     if tuple(names) == bounds.names:

@@ -30,7 +30,7 @@ from rotorid.flights.supports import END_FIRST, foreign_vehicle, rate_support, s
 from rotorid.flights.whole_flights import FlightData, flown
 from rotorid.flying.next_steps import KnownOfLog, LoopChannels, next_steps
 from rotorid.identifying.identify_many import identify_several
-from rotorid.io.records import as_records
+from rotorid.io.records import as_record, as_records
 from rotorid.loops.filter_choice import FilterProposal
 from rotorid.models.families import RATE_AXIS
 from rotorid.results.model import IdentifiedModel, Refused
@@ -127,8 +127,7 @@ def review(
     """
     chosen = as_settings(ReviewSettings, settings, options)
     if isinstance(records, FlightRecord | str | Path):
-        (record,) = as_records(records)
-        return _compared(record, chosen)
+        return _compared(as_record(records), chosen)
     return tuple(_compared(record, chosen) for record in as_records(records))
 
 

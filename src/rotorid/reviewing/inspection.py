@@ -24,7 +24,7 @@ from rotorid.flights.motor_stamps import stamp_findings
 from rotorid.flights.rotor_order import order_of_log
 from rotorid.flights.supports import Support, dwells_in, never_flown, ordinary_flights, segment_of, supports
 from rotorid.flying.next_steps import KnownOfLog, next_steps
-from rotorid.io.records import as_records
+from rotorid.io.records import as_record
 from rotorid.models.families import RATE_AXIS, family_of, rate_model_of
 from rotorid.models.library import response_pairs
 from rotorid.results.provenance import LoggedManeuver, logged
@@ -237,7 +237,7 @@ def inspect(record: FlightRecord | str | Path) -> Inspection:
     >>> inspect(record).supports["rate.roll"].because
     'the log lacks roll_command'
     """
-    (record,) = as_records(record)
+    record = as_record(record)
     found = {axis: find_excitations(record, axis) for axis in AXES}  # type: ignore[arg-type]
     candidates = {axis: _candidates(record, axis) for axis in AXES}  # type: ignore[arg-type]
     flight, remarks = _flight(record)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import inspect
 import pickle
+from collections.abc import Callable
 from dataclasses import fields
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -88,3 +91,48 @@ def test_a_simulation_takes_texts_and_suggests_names() -> None:
         rotorid.simulate("x500", duraton_s=0.05)  # type: ignore[call-arg]
     with pytest.raises(RotoridError, match="no number of a vehicle 'weight'"):
         rotorid.simulate("x500", duration_s=0.05, changes="weight=2")
+
+
+WRONG_LOGS = [
+    ([], "no log was given; expected at least one flight log"),
+    (None, "NoneType is no flight log; expected a file or a FlightRecord"),
+    ([5.0], "float is no flight log; expected a file or a FlightRecord"),
+    ({"roll": "flight.ulg"}, "dict is no flight log"),
+    (SimpleNamespace(columns=["time [s]", "p"]), "is no flight log; .* make one with FlightRecord.from_pandas"),
+]
+
+
+@pytest.mark.parametrize(("logs", "words"), WRONG_LOGS)
+@pytest.mark.parametrize("name", ["delay", "identify", "identify_several", "inspect", "response", "review", "track"])
+def test_what_is_no_log_is_said_by_its_type(name: str, logs: object, words: str) -> None:
+    models: dict[str, list[Any]] = {"identify": ["rate.roll"], "identify_several": [["rate.roll"]]}
+    with pytest.raises(UsageError, match=words):
+        getattr(rotorid, name)(logs, *models.get(name, []))
+
+
+def test_a_verb_of_one_log_takes_no_two() -> None:
+    record = rotorid.FlightRecord.from_arrays([0.0, 0.1], {"p": [0.0, 1.0]})
+    for verb in (rotorid.inspect, rotorid.track):
+        with pytest.raises(UsageError, match="2 logs were given; expected one log"):
+            verb([record, record])  # type: ignore[arg-type]
+
+
+def test_what_is_no_model_is_said() -> None:
+    """A folder, as the command line takes it, is read first; ``tune`` takes logs by keyword."""
+    folder = r"'rotorid-out/a' is no identified model; read a result with rotorid.load"
+    calls: list[Callable[[Any], object]] = [
+        lambda model: rotorid.compare([model, model]),
+        lambda model: rotorid.export(model, "control"),
+        lambda model: rotorid.joined_model([model, model]),
+        lambda model: rotorid.stitch({"hover": model}),
+        rotorid.tune,
+    ]
+    for call in calls:
+        with pytest.raises(UsageError, match=folder):
+            call("rotorid-out/a")
+        with pytest.raises(UsageError, match="NoneType is no identified model; expected what"):
+            call(None)
+    with pytest.raises(UsageError, match="and give logs as records="):
+        rotorid.tune("flight.ulg")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="list has no names of models; expected a dictionary of names to results"):
+        rotorid.stitch([])  # type: ignore[arg-type]
