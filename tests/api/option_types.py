@@ -11,25 +11,28 @@ import importlib
 import inspect
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from tests.sources import SOURCE
 
-import rotorid
 from rotorid.settings.keywords import settings_of
 from rotorid.settings.option import option_of
 
 STUB = SOURCE / "settings" / "option_types.pyi"
+_FROM = re.compile(r"from (\S+) import (\w+) as")
 HEAD = '"""Options of the verbs as keywords, for editors; ``tests.api.option_types`` writes this."""\n\n'
 
 
-def verbs() -> dict[str, type[Any]]:
-    """Verbs that take options, and the classes of their settings."""
-    listed = re.findall(r"from (\S+) import (\w+) as", (SOURCE / "__init__.pyi").read_text(encoding="utf-8"))
-    found = {name: settings_of(getattr(importlib.import_module(module), name)) for module, name in listed}
-    return {name: kind for name, kind in found.items() if kind is not None}
+def verbs() -> dict[Callable[..., Any], type[Any]]:
+    """Public functions that take options, those of ``rotorid`` itself first, and the classes of their settings."""
+    faces = sorted(SOURCE.rglob("__init__.pyi"), key=lambda face: len(face.parts))
+    listed = [found for face in faces for found in _FROM.findall(face.read_text(encoding="utf-8"))]
+    functions = [getattr(importlib.import_module(module), name) for module, name in dict.fromkeys(listed)]
+    found = {function: settings_of(function) for function in functions if inspect.isfunction(function)}
+    return {inspect.unwrap(function): kind for function, kind in found.items() if kind is not None}
 
 
 def name_of(kind: type[Any]) -> str:
@@ -60,7 +63,7 @@ def _dictionary(kind: type[Any], imports: defaultdict[str, set[str]]) -> str:
         parameter.name
         for verb, its in verbs().items()
         if its is kind
-        for parameter in inspect.signature(inspect.unwrap(getattr(rotorid, verb))).parameters.values()
+        for parameter in inspect.signature(verb).parameters.values()
     }
     lines = [f"class {name_of(kind)}(TypedDict, total=False):"]
     for item in fields(kind):

@@ -20,7 +20,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
 import numpy as np
 
@@ -55,6 +55,9 @@ from rotorid.typing import FloatArray
 from rotorid.uncertainty.cramer_rao import Bounds, colored_of
 from rotorid.verification.scores import GUIDELINES, guidelines_met
 from rotorid.verification.verification import Scores
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import FlyOptions
 
 _PROGRESS = logging.getLogger("rotorid.progress")
 
@@ -165,7 +168,7 @@ def fly_log(
     records: Records,
     *,
     settings: FlySettings | None = None,
-    **options: Any,
+    **options: Unpack[FlyOptions],
 ) -> FlownModel:
     """Simulate an identified model through whole flights of logs, to compare with what was measured.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -36,10 +36,14 @@ from rotorid.proposing.proposal import tune
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
+from rotorid.settings.option import as_settings
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
 from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.loops import Gains
 from rotorid.typing import ComplexArray, FloatArray, LoopName
+
+if TYPE_CHECKING:
+    from rotorid.settings.option_types import TuneOptions
 
 COMPARED = ("crossover_rad_s", "phase_margin_deg", "sensitivity_peak")
 """Figures that are compared; a gain margin lies outside the measured band in half of the flights and is not."""
@@ -193,7 +197,7 @@ def check_tuning(
     models: Sequence[IdentifiedModel] = (),
     *,
     settings: TuneSettings | None = None,
-    **options: Any,
+    **options: Unpack[TuneOptions],
 ) -> CheckedTuning:
     """Whether the loops of a second flight are what was foretold.
 
@@ -218,7 +222,7 @@ def check_tuning(
     """
     if not foretold:
         raise UsageError("the proposal contains no axis", needed="a tune.json with gains of at least one axis")
-    chosen = replace(settings or TuneSettings(), **options)
+    chosen = as_settings(TuneSettings, settings, options)
     asked = max(item.robustness for item in foretold.values())
     wanted = chosen.axes if chosen.axes != TUNED_AXES else (*TUNED_AXES, *OUTER_LOOPS)
     axes_compared = tuple(axis for axis in wanted if axis in foretold)

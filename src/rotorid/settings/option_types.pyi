@@ -169,3 +169,9 @@ class ReviewOptions(TypedDict, total=False):
     models: bool
     known: Mapping[str, float] | str | Sequence[str]
     baseline: Any
+
+class FlyOptions(TypedDict, total=False):
+    segments: Sequence[Maneuver] | str | Sequence[str]
+    pieces_s: float | None
+    hold: HoldChoice
+    seed: int
