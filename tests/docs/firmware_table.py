@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rotorid.autopilots.ardupilot.system_id import RULES, EntryRule, Version, start_mode
+from rotorid.autopilots.ardupilot.system_id import RULES, EntryRule, start_mode
+from rotorid.autopilots.firmware import Version
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "design.md"
 TABLE = re.compile(r"(?<=<!-- written by tests/docs/firmware_table.py -->\n)(?:\|.*\n)*")

@@ -21,6 +21,7 @@ import numpy as np
 
 from rotorid.autopilots.advice import gains_advice
 from rotorid.autopilots.filters import KnownFilter, combined_response
+from rotorid.autopilots.firmware import version_of
 from rotorid.autopilots.registry import autopilot_of, by_gains, named
 from rotorid.data.axes import RATE_OF, RATES
 from rotorid.data.base import Immutable, cached_by_value
@@ -30,7 +31,7 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.command_relation import CommandRelation, command_relation
 from rotorid.models.autopilots.betaflight import OLDEST, is_other_program
 from rotorid.models.autopilots.reading import axis_controller
-from rotorid.models.autopilots.settings import AxisController, described, loop_settings, version_of
+from rotorid.models.autopilots.settings import AxisController, described, loop_settings
 from rotorid.models.autopilots.versions import firmware_candidates
 from rotorid.models.controller import Driven, RateController
 from rotorid.results.summary import ControllerSettings

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.autopilots.registry import autopilot_of
 from rotorid.data.base import Immutable
 from rotorid.data.record import FlightRecord
@@ -25,7 +26,7 @@ from rotorid.models.autopilots.betaflight_settings import (
     is_type,
     types_of,
 )
-from rotorid.models.autopilots.settings import AxisController, Version, version_of
+from rotorid.models.autopilots.settings import AxisController
 from rotorid.models.controller import FILTERS, RateController
 from rotorid.signal.autopilot_filters import controller_filters
 from rotorid.tuning.loops import ControllerParts, Gains

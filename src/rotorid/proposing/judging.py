@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
+from rotorid.autopilots.firmware import Version, version_of, versions_of
 from rotorid.data.base import Immutable
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, remark, warn
@@ -36,14 +37,7 @@ from rotorid.models.autopilots.outer import (
     outer_names,
     outer_settings,
 )
-from rotorid.models.autopilots.settings import (
-    AxisController,
-    Parameter,
-    Version,
-    loop_settings,
-    version_of,
-    versions_of,
-)
+from rotorid.models.autopilots.settings import AxisController, Parameter, loop_settings
 from rotorid.proposing.axis import KnownAxis
 from rotorid.proposing.flown_gains import FlownLoop, at_ends
 from rotorid.proposing.outer import with_values

@@ -12,9 +12,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.errors import UsageError
 from rotorid.models.autopilots.betaflight_settings import is_type, types_of
-from rotorid.models.autopilots.settings import Version, version_of
 
 Role: TypeAlias = Literal["proposed", "thrust", "rollback", "filters", "filters_rollback"]
 

@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.autopilots.registry import named
 from rotorid.data.base import Immutable
 from rotorid.errors import UsageError
@@ -20,7 +21,6 @@ from rotorid.models.autopilots.betaflight import as_in_header, is_other_program
 from rotorid.models.autopilots.betaflight_settings import LOW_PASSES, command_line_name, header_name, is_type
 from rotorid.models.autopilots.betaflight_sliders import MODES, sliders_applied
 from rotorid.models.autopilots.outer import OUTER_LOOPS
-from rotorid.models.autopilots.settings import Version, version_of
 from rotorid.typing import LoopName
 
 LARGEST_BYTES = 2_000_000

@@ -15,11 +15,10 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from rotorid.autopilots.ardupilot.firmware import named
+from rotorid.autopilots.firmware import Version
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.flight_plan import Entry, FlightPlan
 from rotorid.typing import Axis
-
-Version: TypeAlias = tuple[int, int]
 
 Throttle: TypeAlias = Literal["pilot", "autopilot"]
 """Who works the throttle in the mode: the pilot's stick is the thrust, or the autopilot keeps the height."""

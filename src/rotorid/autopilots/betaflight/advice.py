@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from rotorid.autopilots.autopilot import BY_DSHOT
+from rotorid.autopilots.firmware import Version, is_before
 
 _RATIO_FROM = (4, 0)
 """From here on the logging rate is called ``blackbox_p_ratio``, and set-points are logged."""
@@ -35,8 +36,6 @@ _GYRO, _ACCELEROMETER = ("p", "q", "r"), ("ax", "ay", "az")
 _SETPOINTS = tuple(f"{rate}_setpoint" for rate in _GYRO)
 _OTHERS = re.compile("INAV|Cleanflight|EmuFlight", re.IGNORECASE)
 """Firmware with blackboxes of the same format, whose settings are not known here."""
-
-_VERSION = re.compile(r"\b(\d+)\.(\d+)")
 
 
 def rate_advice(firmware: str) -> str:
@@ -115,9 +114,6 @@ def _step(firmware: str, channel: str) -> str:
     return f"set blackbox_disable_{field} = OFF" if field else ""
 
 
-def _before(firmware: str, version: tuple[int, int]) -> bool:
-    """Whether firmware is known to be older; one that does not say its version is taken for today's."""
-    if _OTHERS.match(firmware):
-        return True
-    match = _VERSION.search(firmware)
-    return match is not None and (int(match[1]), int(match[2])) < version
+def _before(firmware: str, version: Version) -> bool:
+    """Whether firmware is known to be older; other programs branched off an old one."""
+    return bool(_OTHERS.match(firmware)) or is_before(firmware, version)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
+from rotorid.autopilots.firmware import is_before, version_of
 from rotorid.autopilots.numbers import whole
 
 _MASK_FROM = (1, 8)
@@ -19,7 +19,6 @@ _BITS_TEXT = "bits 0 default set, 3 system identification, 4 high rate"
 _RAW_GYRO_BIT = 8
 _TOPIC_LIST = "etc/logging/logger_topics.txt on the SD card"
 _NAME_IT = f"name the topic in {_TOPIC_LIST} before the next flight"
-_VERSION = re.compile(r"\b(\d+)\.(\d+)")
 
 
 def log_profile(firmware: str, profile: int = 0) -> int:
@@ -27,15 +26,15 @@ def log_profile(firmware: str, profile: int = 0) -> int:
 
     Examples
     --------
-    >>> log_profile("PX4 1.6.5"), log_profile("PX4 1.15.0"), log_profile("", 131)
+    >>> log_profile("PX4 v1.6.5"), log_profile("PX4 1.15.0"), log_profile("", 131)
     (2, 25, 155)
     """
-    return _SYSTEM_IDENTIFICATION if _before(firmware, _MASK_FROM) else profile | _PROFILE_BITS
+    return _SYSTEM_IDENTIFICATION if is_before(firmware, _MASK_FROM) else profile | _PROFILE_BITS
 
 
 def profile_words(firmware: str) -> str:
     """What that value of ``SDLOG_PROFILE`` means."""
-    return "system identification" if _before(firmware, _MASK_FROM) else _BITS_TEXT
+    return "system identification" if is_before(firmware, _MASK_FROM) else _BITS_TEXT
 
 
 def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
@@ -66,7 +65,7 @@ def logging_advice(parameters: Mapping[str, float], firmware: str) -> str:
 
 def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the gyro before its filters."""
-    if _before(firmware, _RAW_GYRO_FROM) or _without_profile(parameters):
+    if is_before(firmware, _RAW_GYRO_FROM) or _without_profile(parameters):
         return f"fly firmware 1.12 or newer: {_named(firmware)} logs no gyro before its filters"
     profile = whole(parameters, "SDLOG_PROFILE")
     if profile >> _RAW_GYRO_BIT & 1:
@@ -76,7 +75,7 @@ def raw_gyro_advice(parameters: Mapping[str, float], firmware: str) -> str:
 
 def motor_advice(parameters: Mapping[str, float], firmware: str) -> str:
     """How the next log holds the motors."""
-    old = _before(firmware, _MOTORS_FROM) or _without_profile(parameters)
+    old = is_before(firmware, _MOTORS_FROM) or _without_profile(parameters)
     topic = "actuator_outputs" if old else "actuator_motors"
     return f"name {topic} in {_TOPIC_LIST}"
 
@@ -102,10 +101,4 @@ def _without_profile(parameters: Mapping[str, float]) -> bool:
 
 
 def _named(firmware: str) -> str:
-    return firmware if _VERSION.search(firmware) else "this firmware"
-
-
-def _before(firmware: str, version: tuple[int, int]) -> bool:
-    """Whether firmware is known to be older."""
-    match = _VERSION.search(firmware)
-    return match is not None and (int(match[1]), int(match[2])) < version
+    return firmware if version_of(firmware) else "this firmware"

@@ -11,16 +11,13 @@ PX4/PX4-Autopilot at its release tags; release notes of 1.10 to 1.16.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-Version = tuple[int, int]
+from rotorid.autopilots.firmware import Version, is_before, version_of
 
 NEVER: Version = (9999, 0)
 """Before this version everything was still there."""
-
-_VERSION = re.compile(r"\b(\d{1,4})\.(\d{1,4})")
 
 HAD: Mapping[str, tuple[Version, Version]] = MappingProxyType(
     {
@@ -69,11 +66,8 @@ def topic_of(topic: str, firmware: str) -> str:
     >>> topic_of("hover_thrust_estimate", "PX4 1.9.2")
     ''
     """
-    match = _VERSION.search(firmware)
     since = HAD[topic][0] if topic in HAD else _SINCE.get(topic, (0, 0))
-    if match is None or (int(match[1]), int(match[2])) >= since:
-        return topic
-    return _BEFORE.get(topic, "")
+    return _BEFORE.get(topic, "") if is_before(firmware, since) else topic
 
 
 def versions_with(names: Iterable[str]) -> tuple[Version, Version, str]:
@@ -117,11 +111,10 @@ def firmware_shown(firmware: str, names: Iterable[str]) -> str:
     >>> firmware_shown("PX4 1.8.0", ["vehicle_attitude.q"])
     'PX4 1.8.0'
     """
-    match = _VERSION.search(firmware)
+    version = version_of(firmware)
     oldest, too_new, _ = versions_with(names)
-    if match is None or oldest >= too_new:
+    if version is None or oldest >= too_new:
         return firmware
-    version = (int(match[1]), int(match[2]))
     if version < oldest:
         return f"PX4 {oldest[0]}.{oldest[1]} or newer"
     return f"PX4 {too_new[0]}.{too_new[1] - 1} or older" if version >= too_new else firmware

@@ -25,6 +25,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from rotorid.autopilots.betaflight.autopilot import BETAFLIGHT
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.autopilots.numbers import whole
 from rotorid.models.autopilots.betaflight_settings import (
     NAMED_BY_NUMBER,
@@ -32,7 +33,7 @@ from rotorid.models.autopilots.betaflight_settings import (
     command_line_name,
     header_name,
 )
-from rotorid.models.autopilots.settings import AxisController, Version, present, version_of
+from rotorid.models.autopilots.settings import AxisController, present
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import FilterKind, LoopFilter
 from rotorid.typing import Axis

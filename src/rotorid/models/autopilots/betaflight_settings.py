@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rotorid.models.autopilots.settings import Version
+from rotorid.autopilots.firmware import Version
 
 LOW_PASSES = ("PT1", "BIQUAD", "PT2", "PT3")
 """Words of the command line for the types of a low-pass, which headers have as numbers."""

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rotorid.autopilots.firmware import Version
 from rotorid.errors import UsageError
-from rotorid.models.autopilots.settings import Version
 
 SINCE: Version = (4, 3)
 """First version with these sliders."""

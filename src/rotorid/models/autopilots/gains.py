@@ -11,12 +11,13 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.errors import UsageError
 from rotorid.models.autopilots import ardupilot, betaflight, px4
 from rotorid.models.autopilots.betaflight import PER_D, PER_I, PER_P, YAW_I
 from rotorid.models.autopilots.betaflight_settings import angle_name
 from rotorid.models.autopilots.outer import outer_letter, outer_parameters
-from rotorid.models.autopilots.settings import AxisController, Parameter, Version, version_of
+from rotorid.models.autopilots.settings import AxisController, Parameter
 from rotorid.typing import LoopName
 
 _PX4: Mapping[LoopName, tuple[str, float, float, float]] = MappingProxyType(

@@ -18,8 +18,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.autopilots.px4.autopilot import PX4
-from rotorid.models.autopilots.settings import AxisController, Version, present, version_of
+from rotorid.models.autopilots.settings import AxisController, present
 from rotorid.models.controller import RateController
 from rotorid.models.loop_filter import LoopFilter
 from rotorid.typing import Axis

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -10,10 +9,6 @@ from typing import Any, NamedTuple
 from rotorid.data.base import Immutable
 from rotorid.models.controller import RateController
 from rotorid.typing import LoopName
-
-Version = tuple[int, int]
-
-_VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 
 class Parameter(NamedTuple):
@@ -135,29 +130,6 @@ def loop_settings(parameters: Mapping[str, float]) -> dict[str, float]:
     {'IMU_GYRO_CUTOFF': 40.0}
     """
     return {name: float(value) for name, value in parameters.items() if name.startswith(_LOOP_SETTINGS)}
-
-
-def version_of(firmware: str) -> Version | None:
-    """Major and minor number of a firmware's name, or ``None`` where it has none.
-
-    Examples
-    --------
-    >>> version_of("ArduCopter V4.6.2 (3fc7011a)"), version_of("Betaflight 2025.12.0"), version_of("PX4")
-    ((4, 6), (2025, 12), None)
-    """
-    found = _VERSION.search(firmware)
-    return (int(found[1]), int(found[2])) if found else None
-
-
-def versions_of(text: str) -> tuple[Version, ...]:
-    """All versions in a text.
-
-    Examples
-    --------
-    >>> versions_of("Betaflight 2025.12, 2026.6")
-    ((2025, 12), (2026, 6))
-    """
-    return tuple((int(major), int(minor)) for major, minor in _VERSION.findall(text))
 
 
 def present(parameters: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:

@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from rotorid.autopilots.betaflight.autopilot import BETAFLIGHT
+from rotorid.autopilots.firmware import Version, version_of
 from rotorid.autopilots.px4.autopilot import PX4
 from rotorid.autopilots.px4.versions import firmware_shown
 from rotorid.models.autopilots import betaflight, px4
 from rotorid.models.autopilots.betaflight_settings import NAMED_BY_NUMBER
-from rotorid.models.autopilots.settings import Version, version_of
 
 
 class _Generations(NamedTuple):
