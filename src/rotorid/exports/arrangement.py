@@ -12,6 +12,13 @@ from rotorid.errors import ModelError
 from rotorid.models.rotors import RotorLayout
 from rotorid.typing import FloatArray
 
+ROTORS = 4
+"""Of a quadrotor, which most tools fly alone."""
+
+_UPRIGHT = 1e-6
+_TOLERANCE_DEG = 40.0
+"""How far a rotor may stand from its bearing in an X."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Arranged(Immutable):
@@ -89,4 +96,42 @@ def refuse_tilted(layout: RotorLayout, target: str) -> None:
         raise ModelError(f"the rotors of {layout.name} are tilted", needed=f"upright ones, which {target} flies")
 
 
-_UPRIGHT = 1e-6
+def require_four(layout: RotorLayout, target: str) -> None:
+    """Refuse what has more or fewer than four rotors.
+
+    Raises
+    ------
+    ModelError
+        It has.
+    """
+    if layout.rotors != ROTORS:
+        raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=f"four rotors, which {target} flies")
+
+
+def require_four_upright(layout: RotorLayout, target: str) -> None:
+    """Refuse what is not four upright rotors.
+
+    Raises
+    ------
+    ModelError
+        There are more or fewer, or they are tilted.
+    """
+    require_four(layout, target)
+    refuse_tilted(layout, target)
+
+
+def require_x(layout: RotorLayout, bearings_deg: Sequence[float], spins: Sequence[float], target: str) -> Arranged:
+    """The rotors in the order of a tool that flies four in an X alone, with the arguments of :func:`arranged`.
+
+    Raises
+    ------
+    ModelError
+        They stand or turn otherwise.
+    """
+    found = arranged(layout, bearings_deg, spins, tolerance_deg=_TOLERANCE_DEG)
+    if found is None:
+        raise ModelError(
+            f"the rotors of {layout.name} stand or turn otherwise",
+            needed=f"four rotors in an X that turn against their neighbors, which {target} flies",
+        )
+    return found

@@ -27,10 +27,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rotorid.exports.learners import AIR_OF_ROTATION, ROTORS, DrawnFiles, forward_left_up, lags_of, numbered, plain
+from rotorid.exports.arrangement import ROTORS, require_four_upright
+from rotorid.exports.learners import AIR_OF_ROTATION, DrawnFiles, forward_left_up, lags_of, numbered, plain
 from rotorid.exports.mujoco import FLU, own_slopes
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.rotorpy import FASTEST_RAD_S, require_upright
+from rotorid.exports.rotorpy import FASTEST_RAD_S
 from rotorid.exports.round_trip import compared, hover_air, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
@@ -69,7 +70,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "T_motor", target=NAME)
-    require_upright(body, NAME)
+    require_four_upright(body.rotors.layout, NAME)
     section = _section(vehicle, body, lags_of(vehicle, choices, NAME))
     rows = _compared(vehicle, body, section, choices)
     name = choices.names

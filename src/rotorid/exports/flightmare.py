@@ -35,11 +35,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid.errors import ModelError
-from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.arrangement import Arranged, require_four_upright, require_x
 from rotorid.exports.learners import AIR_OF_ROTATION, DrawnFiles, lags_of, numbered, yaml_number
 from rotorid.exports.mujoco import FLU, own_slopes
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.rotorpy import FASTEST_RAD_S, require_upright
+from rotorid.exports.rotorpy import FASTEST_RAD_S
 from rotorid.exports.round_trip import PITCH, ROLL, compared, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
 from rotorid.exports.target import Compared, Exported, Fidelity, table_lines
@@ -56,8 +56,6 @@ NAME = "flightmare"
 
 _BEARINGS_DEG = (-45.0, 45.0, 135.0, -135.0)
 _SPINS = (-1.0, 1.0, -1.0, 1.0)
-_TOLERANCE_DEG = 40.0
-"""How far a rotor may stand from its bearing in the X."""
 
 _LEVEL, _UPRIGHT = 4.5 / 12.0, 7.0 / 12.0
 """Inertia over mass and square of the arm."""
@@ -95,13 +93,8 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "T_motor", target=NAME)
-    require_upright(body, "Flightmare")
-    rotors = arranged(body.rotors.layout, _BEARINGS_DEG, _SPINS, tolerance_deg=_TOLERANCE_DEG)
-    if rotors is None:
-        raise ModelError(
-            f"the rotors of {body.rotors.layout.name} stand or turn otherwise",
-            needed="four rotors in an X that turn against their neighbors, which Flightmare flies",
-        )
+    require_four_upright(body.rotors.layout, "Flightmare")
+    rotors = require_x(body.rotors.layout, _BEARINGS_DEG, _SPINS, "Flightmare")
     if vehicle.hover_force_n >= _MOST_N:
         raise ModelError(
             f"each rotor of {vehicle.name} carries {vehicle.hover_force_n:.3g} N in hover",

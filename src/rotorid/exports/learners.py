@@ -17,9 +17,6 @@ from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle
-    from rotorid.simulation.multirotor import Multirotor
-
-ROTORS = 4
 
 AIR_OF_ROTATION = ("M_u", "L_v", "L_p", "M_q", "N_r")
 """Derivatives of moments by velocity and rate."""
@@ -54,19 +51,6 @@ def numbered(name: str, count: int) -> list[str]:
     """
     digits = len(str(count))
     return [f"{name}_{number:0{digits}}" for number in range(1, count + 1)]
-
-
-def require_four(body: Multirotor, target: str) -> None:
-    """Refuse what has more or fewer than four rotors.
-
-    Raises
-    ------
-    ModelError
-        It has.
-    """
-    layout = body.rotors.layout
-    if layout.rotors != ROTORS:
-        raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=f"four rotors, which {target} flies")
 
 
 def lags_of(vehicle: JoinedVehicle, choices: ExportSettings, target: str) -> tuple[float, float]:

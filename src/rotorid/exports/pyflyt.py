@@ -28,12 +28,11 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
-from rotorid.errors import ModelError
-from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.arrangement import Arranged, require_four_upright, require_x
 from rotorid.exports.learners import DrawnFiles, lags_of, numbered, yaml_number
 from rotorid.exports.mujoco import FLU, own_slopes, require_rigid
 from rotorid.exports.px4_sih import lag_of
-from rotorid.exports.rotorpy import SpeedVehicle, require_upright, speed_vehicle
+from rotorid.exports.rotorpy import SpeedVehicle, speed_vehicle
 from rotorid.exports.round_trip import (
     accelerations_of,
     compared,
@@ -61,8 +60,6 @@ STEP_S = 1.0 / 240.0
 
 _BEARINGS_DEG = (45.0, -135.0, -45.0, 135.0)
 _SPINS = (1.0, 1.0, -1.0, -1.0)
-_TOLERANCE_DEG = 40.0
-"""How far a rotor may stand from its bearing in the X."""
 
 _GRAVITY_M_S2, _DENSITY_KG_M3 = 9.81, 1.225
 """PyFlyt's own."""
@@ -124,14 +121,14 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "T_motor", target=NAME)
-    require_upright(body, "PyFlyt")
+    require_four_upright(body.rotors.layout, "PyFlyt")
     require_rigid(body)
     defaults: dict[str, VehicleNumber] = {}
     findings: list[Finding] = []
     lag_s = float(np.mean(lags_of(vehicle, choices, NAME)))
     model = ThrottleVehicle(
         speeds=speed_vehicle(vehicle, body, lag_s, defaults, findings),
-        rotors=_rotors(body),
+        rotors=require_x(body.rotors.layout, _BEARINGS_DEG, _SPINS, "PyFlyt"),
         tau_s=sih_lag(lag_s, step_s=STEP_S),
         drag_area_m2=_drag_area(vehicle, body),
     )
@@ -173,16 +170,6 @@ rotors = yaml.safe_load(Path(place, name, name + ".yaml").read_text())["outputs"
 throttles = lambda x: (np.asarray(x)[rotors["order"]] + rotors["shift"]) / (1.0 + rotors["shift"])
 world.set_setpoint(0, throttles([0.5] * 4))
 world.step()"""
-
-
-def _rotors(body: Multirotor) -> Arranged:
-    found = arranged(body.rotors.layout, _BEARINGS_DEG, _SPINS, tolerance_deg=_TOLERANCE_DEG)
-    if found is None:
-        raise ModelError(
-            f"the rotors of {body.rotors.layout.name} stand or turn otherwise",
-            needed="four rotors in an X that turn against their neighbors, which PyFlyt flies",
-        )
-    return found
 
 
 def _drag_speed(vehicle: JoinedVehicle) -> float:

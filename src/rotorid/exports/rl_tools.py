@@ -24,15 +24,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rotorid.exports.arrangement import ROTORS, require_four
 from rotorid.exports.learners import (
     AIR_OF_ROTATION,
-    ROTORS,
     DrawnFiles,
     forward_left_up,
     lags_of,
     numbered,
     plain,
-    require_four,
 )
 from rotorid.exports.mujoco import FLU, own_slopes
 from rotorid.exports.px4_sih import lag_of
@@ -72,7 +71,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_from_results import require
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", "T_motor", target=NAME)
-    require_four(body, NAME)
+    require_four(body.rotors.layout, NAME)
     dynamics = _dynamics(body, lags_of(vehicle, choices, NAME))
     file = f"{choices.names}_rl_tools.json"
     return Exported(

@@ -34,8 +34,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable, read_only
 from rotorid.data.findings import Finding, remark
-from rotorid.errors import ModelError
-from rotorid.exports.arrangement import refuse_tilted
+from rotorid.exports.arrangement import require_four_upright
 from rotorid.exports.mujoco import FLU, own_slopes, tangents
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import (
@@ -63,7 +62,6 @@ NAME = "rotorpy"
 FASTEST_RAD_S = 1000.0
 """Speed at full output where none is known."""
 
-_ROTORS = 4
 _GRAVITY_M_S2 = 9.81
 """RotorPy's own."""
 
@@ -150,7 +148,7 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_numbers import VehicleNumber
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
-    require_upright(body, NAME)
+    require_four_upright(body.rotors.layout, NAME)
     defaults: dict[str, VehicleNumber] = {}
     findings: list[Finding] = []
     lag_s = lag_of(vehicle, choices)
@@ -176,20 +174,6 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         ),
         findings=tuple(findings),
     )
-
-
-def require_upright(body: Multirotor, target: str) -> None:
-    """Refuse what is not four upright rotors.
-
-    Raises
-    ------
-    ModelError
-        There are more or fewer, or they are tilted.
-    """
-    layout = body.rotors.layout
-    if layout.rotors != _ROTORS:
-        raise ModelError(f"{layout.name} has {layout.rotors} rotors", needed=f"four rotors, which {target} flies")
-    refuse_tilted(layout, target)
 
 
 def rotor_radius(

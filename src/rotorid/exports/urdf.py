@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rotorid.data.findings import Finding
-from rotorid.errors import ModelError
-from rotorid.exports.arrangement import Arranged, arranged
+from rotorid.exports.arrangement import Arranged, require_four_upright, require_x
 from rotorid.exports.mujoco import FLU, own_slopes, require_rigid
-from rotorid.exports.rotorpy import SpeedVehicle, require_upright, rotor_radius, speed_vehicle
+from rotorid.exports.rotorpy import SpeedVehicle, rotor_radius, speed_vehicle
 from rotorid.exports.round_trip import (
     DELAY,
     HOVER,
@@ -56,9 +55,6 @@ NAME = "urdf"
 
 _BEARINGS_DEG = (45.0, 135.0, -135.0, -45.0)
 _SPINS = (1.0, -1.0, 1.0, -1.0)
-
-_TOLERANCE_DEG = 40.0
-"""How far a rotor may stand from its bearing in the X."""
 
 _GRAVITY_M_S2 = 9.8
 """gym-pybullet-drones' own."""
@@ -92,9 +88,9 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
     from rotorid.flying.vehicle_numbers import VehicleNumber
 
     body = require(vehicle, "m", "I_xx", "I_yy", "I_zz", "kappa", "arm", target=NAME)
-    require_upright(body, "gym-pybullet-drones")
+    require_four_upright(body.rotors.layout, "gym-pybullet-drones")
     require_rigid(body)
-    rotors = _rotors(body)
+    rotors = require_x(body.rotors.layout, _BEARINGS_DEG, _SPINS, "gym-pybullet-drones")
     defaults: dict[str, VehicleNumber] = {}
     findings: list[Finding] = []
     model = speed_vehicle(vehicle, body, 0.0, defaults, findings)
@@ -125,16 +121,6 @@ def export(vehicle: JoinedVehicle, choices: ExportSettings) -> Exported:
         ),
         findings=tuple(findings),
     )
-
-
-def _rotors(body: Multirotor) -> Arranged:
-    found = arranged(body.rotors.layout, _BEARINGS_DEG, _SPINS, tolerance_deg=_TOLERANCE_DEG)
-    if found is None:
-        raise ModelError(
-            f"the rotors of {body.rotors.layout.name} stand or turn otherwise",
-            needed="four rotors in an X that turn against their neighbors, which gym-pybullet-drones flies",
-        )
-    return found
 
 
 def _slope(model: SpeedVehicle) -> float:
