@@ -231,7 +231,7 @@ def tune(
         files=files.proposed,
         rollback_files=files.rollback,
         findings=worst_first([*findings, *files.findings]),
-        provenance=provenance(logs, chosen) if logs or not given else replace(given[0].provenance),
+        provenance=_provenance(logs, given, chosen),
         judged=verdict,
         curve=curve,
     )
@@ -358,6 +358,12 @@ def _with_paths(tuned: _Tuned, findings: list[Finding]) -> dict[LoopName, AxisTu
             error = reason_of(failure, f"flights to the goal of {loop}")
             findings.append(warn("internal_error", loop, f"{capital(str(error)).rstrip('.')}."))
     return axes
+
+
+def _provenance(logs: Sequence[FlightRecord], given: Sequence[IdentifiedModel], chosen: TuneSettings) -> Provenance:
+    """The logs of a proposal, or those of its first result where there are no others, with the choices of ``tune``."""
+    own = provenance(logs, chosen)
+    return own if logs else replace(given[0].provenance, settings=own.settings, seed=own.seed)
 
 
 def _scale(models: Sequence[IdentifiedModel]) -> float | None:

@@ -13,7 +13,7 @@ from rotorid.autopilots import named
 from rotorid.data.display import capital
 from rotorid.data.quantities import QUANTITIES
 from rotorid.data.quantity import MISSING, Quantity
-from rotorid.data.trust import ROBUSTNESS, SAFE_PEAK
+from rotorid.data.trust import SAFE_PEAK
 from rotorid.documents.review import QuantityDocument
 from rotorid.documents.tune import AxisTuneDocument, FilterPriceDocument, TuneDocument, tune_document
 from rotorid.documents.tune_check import METHODS, compared_words, tune_check_document
@@ -253,7 +253,7 @@ def render_tune(proposal: TuningProposal, *, title: str, check_folder: str = "")
             *(picture for tuned in axes for picture in (*tuned.pictures, tuned.by_hand)),
         ],
         further_script="tune.js",
-        further={axis: loops_for_page(tuning, limit=_limit(proposal)) for axis, tuning in proposal.axes.items()},
+        further={axis: loops_for_page(tuning, limit=proposal.robustness) for axis, tuning in proposal.axes.items()},
     )
 
 
@@ -351,11 +351,6 @@ def _check_pictures(axis: str, checked: CheckedAxis) -> list[Picture]:
             converted=True,
         )
     ]
-
-
-def _limit(proposal: TuningProposal) -> float:
-    value = proposal.provenance.settings.get("robustness")
-    return float(value) if isinstance(value, (int, float)) else ROBUSTNESS
 
 
 def loops_for_page(tuning: AxisTuning, *, limit: float) -> dict[str, Any]:

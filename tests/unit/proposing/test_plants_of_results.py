@@ -15,6 +15,8 @@ from rotorid.models.library import library_model, rate_model
 from rotorid.models.structure import LinearStructure
 from rotorid.proposing.plants import plant_of, plant_remarks
 from rotorid.proposing.plants import rate_model as chosen_model
+from rotorid.proposing.proposal import _provenance
+from rotorid.proposing.settings import TuneSettings
 from rotorid.results.model import IdentifiedModel
 from rotorid.results.summary import Cost, PairCost
 from rotorid.tuning.loops import LoopFigures, loop_figures
@@ -104,3 +106,11 @@ def test_an_unstable_model_foretells_the_rate_under_its_controller() -> None:
     half = np.interp(np.arange(own.size) - 0.5, np.arange(own.size), own)
     difference = inside(half) - inside(np.array(rates))
     assert np.std(difference) < 0.06 * np.std(inside(np.array(rates)))
+
+
+def test_a_proposal_of_results_alone_has_the_choices_of_tune() -> None:
+    """The limit that was asked for is read there: that of ``identify``, which has none, was taken for the default."""
+    found = rate()
+    provenance = _provenance((), (found,), TuneSettings(robustness=1.4, seed=3))
+    assert (provenance.settings["robustness"], provenance.seed) == (1.4, 3)
+    assert provenance.inputs == found.provenance.inputs
