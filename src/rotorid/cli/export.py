@@ -138,10 +138,10 @@ def _document(
         ExportDocument,
         KeptDelaysDocument,
         file_documents,
-        finite,
         number_documents,
     )
     from rotorid.exports.targets import target_named
+    from rotorid.results.summary import finite
 
     findings = worst_first([*vehicle.findings, *exported.findings])
     # The usual numbers of a target that nothing was looked up for are its own matter.

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -154,11 +153,6 @@ def file_documents(files: Mapping[str, str | bytes]) -> list[FileDocument]:
         FileDocument(name=name, sha256=hashlib.sha256(text if isinstance(text, bytes) else text.encode()).hexdigest())
         for name, text in sorted(files.items())
     ]
-
-
-def finite(value: float) -> float | None:
-    """A number where it is one."""
-    return value if math.isfinite(value) else None
 
 
 def model_document(model: IdentifiedModel, state_space: StateSpaceDocument | None = None) -> ModelDocument:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from rotorid import __version__
 from rotorid.documents.base import Document
-from rotorid.documents.review import QuantityDocument
+from rotorid.documents.review import QuantityDocument, bounded_document
 from rotorid.fleets.analysis import FleetAnalysis, History
 from rotorid.fleets.populations import Population
 from rotorid.fleets.table import FAILED, TABLE, Counts, Failed
@@ -364,22 +364,11 @@ def _who(history: History) -> dict[str, str]:
 
 
 def _population(population: Population) -> PopulationDocument:
-    def optional_quantity(value: Any) -> QuantityDocument | None:
-        if value is None:
-            return None
-        return QuantityDocument(
-            value=value.value,
-            std=finite(value.std),
-            lower=finite(value.lower),
-            upper=finite(value.upper),
-            unit=value.unit,
-        )
-
     return PopulationDocument(
         unit=population.mean.unit,
         mean=QuantityDocument.model_validate(population.mean),
-        between_std=optional_quantity(population.between),
-        within_std=optional_quantity(population.within),
+        between_std=None if population.between is None else bounded_document(population.between),
+        within_std=None if population.within is None else bounded_document(population.within),
         normal=None if population.low is None or population.high is None else (population.low, population.high),
         scale="log" if population.scale.logarithmic else "linear",
         model_std=population.model_std,

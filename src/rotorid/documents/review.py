@@ -36,6 +36,22 @@ class QuantityDocument(Document):
     unit: str
 
 
+def quantity_documents(quantities: Mapping[str, Quantity]) -> dict[str, Any]:
+    """Numbers with their intervals, by name."""
+    return {name: QuantityDocument.model_validate(quantity) for name, quantity in quantities.items()}
+
+
+def bounded_document(quantity: Quantity) -> QuantityDocument:
+    """A number whose unknown ends are ``None``."""
+    return QuantityDocument(
+        value=quantity.value,
+        std=finite(quantity.std),
+        lower=finite(quantity.lower),
+        upper=finite(quantity.upper),
+        unit=quantity.unit,
+    )
+
+
 class _OmitsUnavailable(Document):
     """A part without the numbers that were not measured."""
 
@@ -334,12 +350,12 @@ def review_document(review: Review) -> ReviewDocument:
         seen_in=review.flight.seen_in,
         control=control_document(review),
         modes=dict(review.flight.modes),
-        battery=_numbers(review.flight.battery),
+        battery=quantity_documents(review.flight.battery),
         hover_throttle=_number(review.flight.hover_throttle),
         thrust_to_weight=_number(review.flight.thrust_to_weight),
-        wind=_numbers(review.flight.wind),
-        drag=_numbers(review.flight.drag),
-        yaw=_numbers(review.flight.yaw),
+        wind=quantity_documents(review.flight.wind),
+        drag=quantity_documents(review.flight.drag),
+        yaw=quantity_documents(review.flight.yaw),
         logging=LoggingReviewDocument(
             rates_hz=dict(review.logging.rates_hz),
             longest_gap_s=review.logging.longest_gap_s,
@@ -349,7 +365,10 @@ def review_document(review: Review) -> ReviewDocument:
         loops={name: _loop(loop) for name, loop in review.loops.items()},
         tracking={
             name: TrackingReviewDocument(
-                reference=found.reference, answer=found.answer, rate_hz=found.rate_hz, **_numbers(found.numbers)
+                reference=found.reference,
+                answer=found.answer,
+                rate_hz=found.rate_hz,
+                **quantity_documents(found.numbers),
             )
             for name, found in review.tracking.items()
         },
@@ -361,11 +380,11 @@ def review_document(review: Review) -> ReviewDocument:
         filters=filter_documents(review.filters),
         noise=NoiseReviewDocument(
             peaks=[PeakDocument.model_validate(peak) for peak in review.noise.peaks],
-            numbers=_numbers(review.noise.numbers),
+            numbers=quantity_documents(review.noise.numbers),
         ),
         motors=MotorReviewDocument(
-            means=_numbers(review.motors.means),
-            numbers=_numbers(review.motors.numbers),
+            means=quantity_documents(review.motors.means),
+            numbers=quantity_documents(review.motors.numbers),
             pattern=review.motors.pattern,
             events=list(review.motors.events),
         ),
@@ -391,16 +410,16 @@ def _baseline(baseline: BaselineReview) -> BaselineDocument:
             motor=balance.motor,
             patterns=list(balance.patterns),
             usual=balance.usual,
-            outputs={f"motor_{number}": _finite_number(change) for number, change in balance.outputs.items()},
-            rise=None if balance.rise is None else _finite_number(balance.rise),
+            outputs={f"motor_{number}": bounded_document(change) for number, change in balance.outputs.items()},
+            rise=None if balance.rise is None else bounded_document(balance.rise),
             detectable_share=finite(balance.detectable),
             flights=balance.flights,
         ),
         figures={
             path: FigureChangeDocument(
                 verdict=one.verdict,
-                now=_finite_number(one.now),
-                expected=None if one.expected is None else _finite_number(one.expected),
+                now=bounded_document(one.now),
+                expected=None if one.expected is None else bounded_document(one.expected),
                 flights=one.flights,
                 share=finite(one.share),
                 probability=one.probability,
@@ -408,17 +427,6 @@ def _baseline(baseline: BaselineReview) -> BaselineDocument:
             )
             for path, one in baseline.figures.items()
         },
-    )
-
-
-def _finite_number(quantity: Quantity) -> QuantityDocument:
-    """A number whose unknown ends are ``null``."""
-    return QuantityDocument(
-        value=quantity.value,
-        std=finite(quantity.std),
-        lower=finite(quantity.lower),
-        upper=finite(quantity.upper),
-        unit=quantity.unit,
     )
 
 
@@ -449,8 +457,8 @@ def _loop(loop: LoopReview) -> LoopReviewDocument:
         estimate="direct" if loop.instrument in ("direct", "setpoint") else "joint",
         instrument=loop.instrument,
         band_rad_s=loop.band_rad_s,
-        by_size={name: _numbers(item.numbers) for name, item in loop.by_size.items()},
-        **_numbers(loop.numbers),
+        by_size={name: quantity_documents(item.numbers) for name, item in loop.by_size.items()},
+        **quantity_documents(loop.numbers),
     )
 
 
@@ -459,15 +467,11 @@ def _margin(margin: MarginReview) -> MarginReviewDocument:
         instrument=margin.instrument,
         by_model=list(margin.by_model),
         verdict=verdict_document(margin.verdict),
-        ends={name: _numbers(numbers) for name, numbers in margin.ends.items()},
+        ends={name: quantity_documents(numbers) for name, numbers in margin.ends.items()},
         throttle=margin.throttle,
         explained=margin.explained,
-        **_numbers(margin.numbers),
+        **quantity_documents(margin.numbers),
     )
-
-
-def _numbers(quantities: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: QuantityDocument.model_validate(quantity) for name, quantity in quantities.items()}
 
 
 def _number(quantity: Any) -> QuantityDocument | None:

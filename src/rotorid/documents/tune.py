@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from rotorid.data.quantity import Quantity
 from rotorid.documents.base import Document, FindingDocument, ProvenanceDocument
 from rotorid.documents.filter_curve import FilterCurveDocument, curve_document
-from rotorid.documents.review import QuantityDocument
+from rotorid.documents.review import QuantityDocument, quantity_documents
 from rotorid.documents.verdict import VerdictDocument, verdict_fields
 from rotorid.loops.rate_loops import shown_quantities
 from rotorid.proposing.axis_tuning import AxisTuning, PathStep
@@ -279,8 +277,3 @@ def _breaks(gains: JudgedGains) -> dict[str, float]:
         plant = one.found.breaking
         found |= {f"{axis}_gain": plant.gain, f"{axis}_phase_deg": plant.phase_deg, f"{axis}_rad_s": plant.omega_rad_s}
     return found
-
-
-def quantity_documents(found: Mapping[str, Quantity]) -> dict[str, QuantityDocument]:
-    """Numbers with their intervals, by name."""
-    return {name: QuantityDocument.model_validate(quantity) for name, quantity in found.items()}

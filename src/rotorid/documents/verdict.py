@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, Literal
 
 from rotorid.documents.base import Document
+from rotorid.results.summary import finite
 from rotorid.tuning.judging import LoopVerdict, Verdict
 
 
@@ -60,11 +60,6 @@ def verdict_fields(found: LoopVerdict) -> dict[str, Any]:
             phase_deg=found.breaking.phase_deg,
         ),
     }
-
-
-def finite(value: float) -> float | None:
-    """A number, or none where it is infinite."""
-    return value if math.isfinite(value) else None
 
 
 def verdict_document(found: LoopVerdict | None) -> VerdictDocument:
