@@ -35,7 +35,17 @@ from rotorid.exports.mujoco import FLU, own_slopes, require_rigid
 from rotorid.exports.px4_sih import lag_of
 from rotorid.exports.round_trip import compared, hover_air, identified_motion, in_flight, linearized, lost_air
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Fidelity, number_text, table_lines, xml_comment
+from rotorid.exports.target import (
+    URDF_INERTIA,
+    Compared,
+    Exported,
+    Fidelity,
+    number_text,
+    table_lines,
+    vector_of,
+    vector_text,
+    xml_comment,
+)
 from rotorid.exports.thrust import delay_words
 from rotorid.typing import FloatArray
 
@@ -203,7 +213,7 @@ def _urdf(name: str, body: Multirotor, head: Sequence[str] = ()) -> str:
     for link, hub in zip(numbered("motor", len(hubs)), hubs, strict=True):
         lines += [f'  <link name="{link}">', *_inertial(small, ball, np.zeros(3)), "  </link>"]
         lines += [f'  <joint name="base_link_to_{link}" type="fixed">', '    <parent link="base_link"/>']
-        lines += [f'    <child link="{link}"/>', f'    <origin xyz="{_vector(hub)}" rpy="0 0 0"/>', "  </joint>"]
+        lines += [f'    <child link="{link}"/>', f'    <origin xyz="{vector_text(hub)}" rpy="0 0 0"/>', "  </joint>"]
     return "\n".join([*lines, "</robot>"]) + "\n"
 
 
@@ -212,17 +222,10 @@ def _about(mass: float, place: FloatArray) -> FloatArray:
     return np.asarray(mass * (place @ place * np.eye(3) - np.outer(place, place)))
 
 
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-
-
 def _inertial(mass: float, inertia: FloatArray, place: FloatArray) -> list[str]:
-    tensor = " ".join(f'{entry}="{number_text(float(inertia[at]) + 0.0)}"' for entry, at in _ENTRIES.items())
-    where = f'<origin xyz="{_vector(place)}" rpy="0 0 0"/>'
+    tensor = " ".join(f'{entry}="{number_text(float(inertia[at]) + 0.0)}"' for entry, at in URDF_INERTIA.items())
+    where = f'<origin xyz="{vector_text(place)}" rpy="0 0 0"/>'
     return [f'    <inertial>{where}<mass value="{number_text(mass)}"/><inertia {tensor}/></inertial>']
-
-
-def _vector(values: FloatArray) -> str:
-    return " ".join(number_text(float(value) + 0.0) for value in values)
 
 
 def _module(classes: Sequence[str], names: Sequence[str], head: Sequence[str]) -> str:
@@ -341,15 +344,17 @@ def aerial_gym_accelerations(
 def _whole(urdf: str) -> tuple[float, FloatArray, FloatArray]:
     """Mass, inertia about the center of gravity, and places of the rotors from there, of all links together."""
     robot = ElementTree.fromstring(urdf)
-    origins = {_of(joint, "child").get("link"): _read(_of(joint, "origin").get("xyz")) for joint in robot.iter("joint")}
+    origins = {
+        _of(joint, "child").get("link"): vector_of(_of(joint, "origin").get("xyz")) for joint in robot.iter("joint")
+    }
     masses, places, inertias, hubs = [], [], [], []
     for link in robot.iter("link"):
         inertial, origin = _of(link, "inertial"), origins.get(link.get("name"), np.zeros(3))
         masses.append(float(_of(inertial, "mass").get("value", "nan")))
-        places.append(origin + _read(_of(inertial, "origin").get("xyz")))
+        places.append(origin + vector_of(_of(inertial, "origin").get("xyz")))
         entries = _of(inertial, "inertia")
         matrix = np.zeros((3, 3))
-        for entry, (i, j) in _ENTRIES.items():
+        for entry, (i, j) in URDF_INERTIA.items():
             matrix[i, j] = matrix[j, i] = float(entries.get(entry, "nan"))
         inertias.append(matrix)
         if link.get("name") in origins:
@@ -366,10 +371,6 @@ def _of(element: ElementTree.Element, tag: str) -> ElementTree.Element:
     found = element.find(tag)
     assert found is not None
     return found
-
-
-def _read(text: str | None) -> FloatArray:
-    return np.array((text or "").split(), dtype=np.float64)
 
 
 def _compared(

@@ -30,7 +30,7 @@ from rotorid.exports.px4_sih import delay_steps, lag_of
 from rotorid.exports.rotor_air import air_numbers, rotor_air, source
 from rotorid.exports.round_trip import DELAY, HoverMotion, compared, identified_motion, in_flight, linearized
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, number_text, table_lines, xml_comment
+from rotorid.exports.target import Compared, Exported, number_text, table_lines, vector_of, vector_text, xml_comment
 from rotorid.exports.thrust import delay_words, full_thrust_words, lag_words
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -155,7 +155,7 @@ def mjcf(name: str, body: Multirotor, *, lag_s: float | None, head: Sequence[str
         '    <geom name="floor" type="plane" size="50 50 0.1" rgba="0.8 0.85 0.8 1"/>',
         f'    <body name="{name}" pos="0 0 {_HEIGHT_M:g}">',
         f'      <freejoint name="{name}"/>',
-        f'      <inertial pos="0 0 0" mass="{number_text(body.mass_kg)}" fullinertia="{_numbers(entries)}"/>',
+        f'      <inertial pos="0 0 0" mass="{number_text(body.mass_kg)}" fullinertia="{vector_text(entries)}"/>',
         f'      <geom name="frame" type="box" size="{0.6 * arm:.4g} {0.6 * arm:.4g} {0.15 * arm:.4g}" mass="0" '
         'rgba="0.2 0.2 0.25 1"/>',
         '      <site name="imu" pos="0 0 0" size="0.005"/>',
@@ -179,17 +179,13 @@ def mjcf(name: str, body: Multirotor, *, lag_s: float | None, head: Sequence[str
     return "\n".join(lines) + "\n"
 
 
-def _numbers(values: Sequence[float] | FloatArray) -> str:
-    return " ".join(number_text(float(value) + 0.0) for value in values)
-
-
 def _rotor_sites(body: Multirotor, arm: float) -> list[str]:
     lines = []
     for index, (hub, spin) in enumerate(zip(body.hubs_m @ FLU, body.rotors.layout.spins, strict=True), start=1):
         color = "0.1 0.4 0.8 0.5" if spin > 0.0 else "0.8 0.3 0.1 0.5"
         lines += [
-            f'      <site name="rotor_{index}" pos="{_numbers(hub)}" size="0.005"/>',
-            f'      <geom type="cylinder" pos="{_numbers(hub)}" size="{0.45 * arm:.4g} {0.01 * arm:.4g}" mass="0" '
+            f'      <site name="rotor_{index}" pos="{vector_text(hub)}" size="0.005"/>',
+            f'      <geom type="cylinder" pos="{vector_text(hub)}" size="{0.45 * arm:.4g} {0.01 * arm:.4g}" mass="0" '
             f'contype="0" conaffinity="0" rgba="{color}"/>',
         ]
     return lines
@@ -203,7 +199,7 @@ def _actuators(body: Multirotor, lag_s: float | None) -> list[str]:
     for index, (axis, spin, (zero, slope)) in enumerate(zip(axes, layout.spins, tangents(body), strict=True), start=1):
         gear = np.concatenate([axis, -spin * kappa * axis])
         lines.append(
-            f'    <general name="motor_{index}" site="rotor_{index}" gear="{_numbers(gear)}" {lag} gaintype="fixed" '
+            f'    <general name="motor_{index}" site="rotor_{index}" gear="{vector_text(gear)}" {lag} gaintype="fixed" '
             f'gainprm="{number_text(slope)}" biastype="affine" biasprm="{number_text(zero)} 0 0" ctrlrange="0 1" '
             f'forcerange="0 {number_text(full)}"/>'
         )
@@ -211,7 +207,7 @@ def _actuators(body: Multirotor, lag_s: float | None) -> list[str]:
 
 
 def _hovering(body: Multirotor, *, lagged: bool) -> str:
-    outputs = _numbers(body.hover_shares)
+    outputs = vector_text(body.hover_shares)
     # Without its activation a motor would start from zero.
     activation = f' act="{outputs}"' if lagged else ""
     return f'    <key name="hover" qpos="0 0 {_HEIGHT_M:g} 1 0 0 0" ctrl="{outputs}"{activation}/>'
@@ -328,26 +324,22 @@ def mujoco_accelerations(
     root = ElementTree.fromstring(text)
     inertial, sites = root.find(".//inertial"), {site.get("name"): site for site in root.iter("site")}
     assert inertial is not None
-    xx, yy, zz, xy, xz, yz = _read(inertial.get("fullinertia"))
+    xx, yy, zz, xy, xz, yz = vector_of(inertial.get("fullinertia"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     motion = np.concatenate([FLU @ velocity_m_s, FLU @ rates_rad_s])
     wrench = aerodynamics @ motion
     if air is not None:
         wrench = wrench + rotor_air(air, x, motion[:3], motion[3:])
     for share, motor in zip(x, root.iter("general"), strict=True):
-        low, high = _read(motor.get("forcerange"))
-        bias, gain = _read(motor.get("biasprm"))[0], _read(motor.get("gainprm"))[0]
-        gear = float(np.clip(gain * share + bias, low, high)) * _read(motor.get("gear"))
-        hub = _read(sites[motor.get("site")].get("pos"))
+        low, high = vector_of(motor.get("forcerange"))
+        bias, gain = vector_of(motor.get("biasprm"))[0], vector_of(motor.get("gainprm"))[0]
+        gear = float(np.clip(gain * share + bias, low, high)) * vector_of(motor.get("gear"))
+        hub = vector_of(sites[motor.get("site")].get("pos"))
         wrench = wrench + np.concatenate([gear[:3], np.cross(hub, gear[:3]) + gear[3:]])
     turn = motion[3:]
     moment = wrench[3:] - np.cross(turn, inertia @ turn)
     mass = float(inertial.get("mass", "nan"))
     return np.concatenate([FLU @ wrench[:3] / mass, FLU @ np.linalg.solve(inertia, moment)])
-
-
-def _read(text: str | None) -> FloatArray:
-    return np.array((text or "").split(), dtype=np.float64)
 
 
 def _compared(vehicle: JoinedVehicle, body: Multirotor, text: str, choices: ExportSettings) -> tuple[Compared, ...]:

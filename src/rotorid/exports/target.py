@@ -10,12 +10,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.findings import Finding
 from rotorid.data.quantity import with_error
 from rotorid.errors import ModelError
+from rotorid.typing import FloatArray
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_numbers import VehicleNumber
@@ -218,9 +222,25 @@ _SHOWN_PERCENT = 0.005
 """A smaller difference is rounding, and is written without a sign."""
 
 
+URDF_INERTIA: Mapping[str, tuple[int, int]] = MappingProxyType(
+    {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+)
+"""Attribute of a URDF's inertia to its place in the matrix."""
+
+
 def number_text(value: float) -> str:
     """A number in a file of XML, with as many digits as single precision keeps."""
     return f"{value:.9g}"
+
+
+def vector_text(values: Sequence[float] | FloatArray) -> str:
+    """Numbers in an attribute of XML; zero has no sign."""
+    return " ".join(number_text(float(value) + 0.0) for value in values)
+
+
+def vector_of(text: str | None) -> FloatArray:
+    """The numbers in an attribute of XML."""
+    return np.array((text or "").split(), dtype=np.float64)
 
 
 def xml_comment(head: Sequence[str]) -> list[str]:

@@ -42,7 +42,7 @@ from rotorid.exports.round_trip import (
     lost_air,
 )
 from rotorid.exports.settings import ExportSettings
-from rotorid.exports.target import Compared, Exported, Fidelity, table_lines, xml_comment
+from rotorid.exports.target import URDF_INERTIA, Compared, Exported, Fidelity, table_lines, vector_text, xml_comment
 from rotorid.exports.thrust import full_thrust_words
 from rotorid.typing import FloatArray
 
@@ -177,18 +177,14 @@ def massless_links(hubs_m: FloatArray, center: str) -> list[str]:
 def inertial_lines(mass: float, inertia: FloatArray, place: FloatArray) -> list[str]:
     """Mass, inertia and place of a link."""
     # With products PyBullet turns the axes of the body to the principal ones, by which its readers fly then.
-    tensor = " ".join(f'{name}="{inertia[i, j] if i == j else 0.0:.9g}"' for name, (i, j) in _ENTRIES.items())
-    where = " ".join(f"{float(value) + 0.0:.9g}" for value in place)
+    tensor = " ".join(f'{name}="{inertia[i, j] if i == j else 0.0:.9g}"' for name, (i, j) in URDF_INERTIA.items())
     return [
         "    <inertial>",
-        f'      <origin rpy="0 0 0" xyz="{where}"/>',
+        f'      <origin rpy="0 0 0" xyz="{vector_text(place)}"/>',
         f'      <mass value="{mass:.9g}"/>',
         f"      <inertia {tensor}/>",
         "    </inertial>",
     ]
-
-
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 # The equations
