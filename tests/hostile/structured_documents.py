@@ -111,6 +111,7 @@ class Sound:
             flight=1,
         )
         failed = Failed(log="a", log_sha256="a", vehicle="v", flight=1, model="m", kind="refused", reason="r")
+        self.folder.mkdir(parents=True, exist_ok=True)
         whole = Journal(self.folder / "whole.journal")
         for name in "ab":
             whole.add(

@@ -88,9 +88,9 @@ def with_speeds(record: FlightRecord) -> FlightRecord:
 def _thinned(history: MotorHistory) -> MotorHistory:
     """Means over some samples of a log that is much faster than any motor: both sides of the model alike."""
     share = int(history.sample_rate_hz / _FAST_HZ)
-    if share < 2:
+    blocks = history.time_s.size // max(share, 1)
+    if share < 2 or not blocks:
         return history
-    blocks = history.time_s.size // share
     shape = (blocks, share)
     time_s = history.time_s[: blocks * share].reshape(shape).mean(axis=1)
     values = history.values[:, : blocks * share].reshape(-1, *shape).mean(axis=2)
