@@ -14,7 +14,9 @@ from rotorid._faces import attach, lazy
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy(__name__, functions="rotorid.settings.keywords:for_python")
+_FOR_PYTHON = "rotorid.settings.keywords:for_python"
+
+__getattr__, __dir__, __all__ = lazy(__name__, functions=_FOR_PYTHON)
 
 attach(
     {
@@ -30,5 +32,6 @@ attach(
         "TimeHistory": "rotorid.plot.accessors:HistoryPictures",
         "Track": "rotorid.plot.accessors:TrackPictures",
         "Verified": "rotorid.documents.verify:verify_document",
-    }
+    },
+    functions=_FOR_PYTHON,
 )

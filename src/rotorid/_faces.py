@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 _FACES: dict[str, Listed] = {}
 _PLACES: dict[str, str] = {}
+_METHODS: dict[str, str] = {}
 
 
 def lazy(package: str, *, removed_in: str = "", functions: str = "") -> Face:
@@ -76,9 +77,7 @@ def lazy(package: str, *, removed_in: str = "", functions: str = "") -> Face:
             warnings.warn(f"{package}.{name} is {deprecation}", DeprecationWarning, stacklevel=2)
         # A listed module is its own home, as a vehicle with its sources.
         value = import_module(f"{package}.{name}") if home == package else getattr(import_module(home), original)
-        if functions and type(value).__name__ == "function":
-            place, _, made = functions.partition(":")
-            value = getattr(import_module(place), made)(value)
+        value = _offered(value, functions)
         setattr(module, name, value)
         return value
 
@@ -119,12 +118,22 @@ def _listed(module: Any, removed_in: str) -> Listed:
     return names
 
 
-def attach(places: Mapping[str, str]) -> None:
+def _offered(value: Any, functions: str) -> Any:
+    """What a face offers for a listed value: see ``functions`` of :func:`lazy`."""
+    if not functions or type(value).__name__ != "function":
+        return value
+    place, _, made = functions.partition(":")
+    return getattr(import_module(place), made)(value)
+
+
+def attach(places: Mapping[str, str], *, functions: str = "") -> None:
     """Say who takes the places of values: class name to ``module:name`` of what is made of one of its values.
 
-    ``CLASS.METHOD`` is a class method whose work is done above the layer of its class.
+    ``CLASS.METHOD`` is a class method whose work is done above the layer of its class; of its function is made what
+    ``functions`` says, as of those of :func:`lazy`.
     """
     _PLACES.update(places)
+    _METHODS.update((name, functions) for name in places if "." in name)
 
 
 def attached_method(name: str) -> Any:
@@ -137,7 +146,7 @@ def attached_method(name: str) -> Any:
     'record_from_arrays'
     """
     home, _, function = _PLACES[name].partition(":")
-    return getattr(import_module(home), function)
+    return _offered(getattr(import_module(home), function), _METHODS[name])
 
 
 def attached(value: Any) -> Any:

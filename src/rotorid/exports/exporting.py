@@ -84,7 +84,7 @@ def _with_both_halves(vehicle: JoinedVehicle) -> JoinedVehicle:
 
 def _require_supported_choices(target: Target, choices: ExportSettings) -> None:
     """Refuse choices that the target has no place for, so that no answer says that they were heeded."""
-    if not target.states and choices.delay == "states":
+    if not target.states and (choices.delay == "states" or choices.pade_order is not None):
         raise UsageError(
             f"{target.name} cannot have delays as states",
             needed="matlab, control, fmu or json",

@@ -1,7 +1,7 @@
-"""Verbs as a program calls them: options are keywords, in signatures and in errors.
+"""Functions as a program calls them: options are keywords, in signatures and in errors.
 
-The library words its errors for the command line, which names options. :func:`for_python` makes of a verb the function
-that ``rotorid`` offers to programs: its signature names every option, and its errors name keywords.
+The library words its errors for the command line, which names options. :func:`for_python` makes of a function the one
+that ``rotorid`` offers to programs: the signature of a verb names every option, and errors name keywords.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any, get_args
 
@@ -20,26 +20,33 @@ from rotorid.settings.verbs import OPTION, VERBS
 _OTHERS: Mapping[str, str] = {"--map": "rotorid.read(..., mapping={})", "--model": "model={}", "--verify": "verify={}"}
 """Options that are arguments of functions, and no field of settings; the place of a text is marked."""
 
+_ARGUMENTS: Mapping[str, str] = {"--set": "given", "--layout": "layout", "--like": "like", "--map": "mapping"}
+"""Options that are arguments of some functions, by the names that they have there."""
+
+_WITH_TEXT = rf"{OPTION.pattern}(?: [^\s;,-][^\s;,]*)?"
+_COMMAND = rf"rotorid [a-z]+ [^;,]{{0,200}}?{_WITH_TEXT}(?: {_WITH_TEXT})*"
 _TYPED = re.compile(
-    rf"(?P<command>rotorid [a-z]+ [^;,]{{0,200}}?)?(?P<option>{OPTION.pattern})"
+    rf"(?P<command>{_COMMAND})|(?P<option>{OPTION.pattern})"
     r"(?: (?P<value>[^\s;,)]*[:=\d][^\s;,).]*(?:\.[^\s;,).]+)*|[A-Z]{2,}(?:[.=:][^\s;,).]+)*|[a-z][a-z_.]*[a-z]))?"
 )
-"""An option with its text, and the command before it, which then is one to type and stays as it is.
+"""A command with its options, which is one to type and stays as it is, or an option with its text.
 
 A word in small letters is its text where it is one of its choices, or a name such as ``rate.roll``.
 """
 
+_NUMBERS = re.compile(r"(--set) (\w+=\w+(?: \1 \w+=\w+)*)")
+"""Numbers of a vehicle, one after the other."""
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 def for_python(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb with a signature that names every option, whose errors speak of keywords.
+    """A function whose errors speak of keywords; of a verb, with a signature that names every option.
 
     Parameters
     ----------
     function
-        One that takes ``settings`` or ``**options``; others come back as they are.
+        Any; a verb takes ``**options``. What is no function comes back as it is.
 
     Examples
     --------
@@ -47,21 +54,24 @@ def for_python(function: Callable[..., Any]) -> Callable[..., Any]:
     >>> "band_rad_s" in inspect.signature(rotorid.identify).parameters
     True
     """
-    kind = settings_of(function)
-    if kind is None:
+    if not inspect.isfunction(function):
         return function
+    verb_settings = settings_of(function)
+    kind = verb_settings or _settings_named(function, ("choices", "settings"))
+    arguments_of = frozenset(inspect.signature(function).parameters)
 
     @functools.wraps(function)
     def verb(*arguments: Any, **options: Any) -> Any:
         try:
             return function(*arguments, **options)
         except RotoridError as error:
-            _reword(error, kind)
+            _reword(error, kind, arguments_of)
             raise
 
     # A program that hands a verb to another process names it by the place where that finds it.
     verb.__module__, verb.__qualname__ = "rotorid", function.__name__
-    verb.__signature__ = _signature(function, kind)  # type: ignore[attr-defined]
+    if verb_settings is not None:
+        verb.__signature__ = _signature(function, verb_settings)  # type: ignore[attr-defined]
     return verb
 
 
@@ -72,9 +82,15 @@ def settings_of(function: Callable[..., Any]) -> type[Any] | None:
     parameters = inspect.signature(function).parameters.values()
     if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return None
-    named = next((str(parameter.annotation) for parameter in parameters if parameter.name == "settings"), "")
-    name = named.partition(" ")[0] or f"{function.__name__.capitalize()}Settings"
-    found: type[Any] | None = function.__globals__.get(name)
+    named = _settings_named(function, ("settings",))
+    return named or function.__globals__.get(f"{function.__name__.capitalize()}Settings")
+
+
+def _settings_named(function: Callable[..., Any], names: tuple[str, ...]) -> type[Any] | None:
+    """The class of an argument that holds settings."""
+    parameters = inspect.signature(function).parameters
+    annotation = next((str(parameters[name].annotation) for name in names if name in parameters), "")
+    found: type[Any] | None = function.__globals__.get(annotation.partition(" ")[0])
     return found
 
 
@@ -96,14 +112,14 @@ def _signature(function: Callable[..., Any], kind: type[Any]) -> inspect.Signatu
     return whole.replace(parameters=[*own, *options])
 
 
-def _reword(error: RotoridError, kind: type[Any]) -> None:
+def _reword(error: RotoridError, kind: type[Any] | None, arguments: frozenset[str]) -> None:
     """An error with keywords in place of options."""
     for name in ("came", "needed", "remedy"):
-        setattr(error, name, in_keywords(getattr(error, name), kind))
-    error.args = (in_keywords(str(error), kind),)
+        setattr(error, name, in_keywords(getattr(error, name), kind, arguments))
+    error.args = (in_keywords(str(error), kind, arguments),)
 
 
-def in_keywords(text: str, kind: type[Any]) -> str:
+def in_keywords(text: str, kind: type[Any] | None, arguments: Collection[str] = ()) -> str:
     """A text about options for a program that calls a verb; commands to type stay as they are.
 
     Parameters
@@ -111,7 +127,9 @@ def in_keywords(text: str, kind: type[Any]) -> str:
     text
         Words of an error.
     kind
-        Settings of the verb that was called.
+        Settings of the function that was called, where it has any.
+    arguments
+        Names of its own arguments.
 
     Examples
     --------
@@ -126,10 +144,12 @@ def in_keywords(text: str, kind: type[Any]) -> str:
     'add model="rate.roll"'
     >>> in_keywords("try rotorid identify LOG --model rate.roll", IdentifySettings)
     'try rotorid identify LOG --model rate.roll'
+    >>> in_keywords("mujoco needs m and arm; add --set m=KG --set arm=M", None, ["given"])
+    'mujoco needs m and arm; add given={"m": KG, "arm": M}'
     """
     if "--" not in text:
         return text
-    items = {option.name: item for item in fields(kind) if (option := option_of(item)) is not None}
+    items = {option.name: item for item in fields(kind) if (option := option_of(item)) is not None} if kind else {}
     items |= {names[0]: item for name, item in items.items() if len(names := name.split("/")) > 1}
 
     def keyword(found: re.Match[str]) -> str:
@@ -139,14 +159,18 @@ def in_keywords(text: str, kind: type[Any]) -> str:
         rest = ""
         if value and value.isalpha() and value.islower() and value not in _choices(items.get(option)) | {"all"}:
             value, rest = None, f" {value}"
-        return _keyword(option, value, items) + rest
+        return _keyword(option, value, items, arguments) + rest
 
+    if "--set" not in items and "given" in arguments:
+        text = _NUMBERS.sub(_mapping, text)
     return _TYPED.sub(keyword, text)
 
 
-def _keyword(option: str, value: str | None, items: Mapping[str, Field[Any]]) -> str:
+def _keyword(option: str, value: str | None, items: Mapping[str, Field[Any]], arguments: Collection[str]) -> str:
     """One option with its text as a keyword; an option of another verb with its command."""
     shown = value if value and _NUMBER.fullmatch(value) else f'"{value}"' if value else ""
+    if (argument := _ARGUMENTS.get(option)) in arguments and option not in items:
+        return f"{argument}={shown}" if shown else str(argument)
     if option in _OTHERS:
         call = _OTHERS[option]
         if shown:
@@ -161,6 +185,8 @@ def _keyword(option: str, value: str | None, items: Mapping[str, Field[Any]]) ->
         return f"{item.name}=False"
     if item.default is False:
         return f"{item.name}=True"
+    if (given := option_of(item)) is not None and given.gives is not None:
+        shown = f'"{given.gives}"'
     return f"{item.name}={shown}" if shown else item.name
 
 
@@ -174,3 +200,10 @@ def _choices(item: Field[Any] | None) -> frozenset[str]:
         words |= {one} if isinstance(one, str) else set()
         waiting += get_args(one)
     return frozenset(words)
+
+
+def _mapping(numbers: re.Match[str]) -> str:
+    """Numbers as the dictionary that a function takes."""
+    pairs = (pair.split("=") for pair in numbers[2].split(f" {numbers[1]} "))
+    inside = ", ".join(f'"{name}": {value}' for name, value in pairs)
+    return f"{_ARGUMENTS[numbers[1]]}={{{inside}}}"

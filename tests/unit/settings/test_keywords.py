@@ -6,6 +6,7 @@ import inspect
 import pickle
 from collections.abc import Callable
 from dataclasses import fields
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,8 +14,10 @@ import pytest
 
 import rotorid
 from rotorid.errors import RotoridError, UsageError
+from rotorid.exports import ExportSettings
 from rotorid.fleets import FleetSettings
 from rotorid.identifying.identification import identify
+from rotorid.models.rotors import library_layout
 from rotorid.proposing import TuneSettings
 from rotorid.reviewing import ReviewSettings
 from rotorid.settings import IdentifySettings, VerifySettings
@@ -64,9 +67,16 @@ def test_the_signature_of_a_verb_has_each_field_of_its_settings(name: str) -> No
         (ReviewSettings, "left out (--no-models)", "left out (models=False)"),
         (TuneSettings, "no options here", "no options here"),
         (FleetSettings, "", ""),
+        (
+            IdentifySettings,
+            "run rotorid design sweep --axis roll --band 1:30, or widen --band",
+            "run rotorid design sweep --axis roll --band 1:30, or widen band_rad_s",
+        ),
+        (ExportSettings, "use --delay-as-lag instead of --pade", 'use delay="lag" instead of pade_order'),
+        (None, "fix some with --fix NAME=VALUE", "fix some with --fix NAME=VALUE (rotorid identify)"),
     ],
 )
-def test_options_become_keywords(kind: type, words: str, shown: str) -> None:
+def test_options_become_keywords(kind: type | None, words: str, shown: str) -> None:
     assert in_keywords(words, kind) == shown
 
 
@@ -79,6 +89,19 @@ def test_an_error_speaks_to_its_caller() -> None:
     assert error.value.came == "pieces_s=-1 is not a length"
     with pytest.raises(RotoridError, match="has more than one of fix, ties and free"):
         rotorid.identify("flight.ulg", "rate.roll", fix="L_p=1", free="L_p")
+
+
+def test_functions_without_options_speak_of_their_arguments(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text("a,b\n0,1\n1,2\n")
+    with pytest.raises(RotoridError, match=r'with a mapping: mapping="FILE.toml"\.$'):
+        rotorid.read(path)
+    with pytest.raises(RotoridError, match=r'with a mapping: mapping="FILE.toml"\.$'):
+        rotorid.FlightRecord.from_arrays([0.0, 1.0], {"b": [1.0, 2.0]})
+    with pytest.raises(RotoridError, match='use delay="lag" instead of pade_order'):
+        rotorid.export([], "rl-tools", ExportSettings(pade_order=3))
+    with pytest.raises(RotoridError, match=r'mujoco needs .*; add given=\{"m": KG, "I_xx": NUMBER, .*"c_1": NUMBER\}'):
+        rotorid.export([], "mujoco", layout=library_layout("quad.x"))
 
 
 def test_verbs_go_to_other_processes() -> None:
