@@ -285,6 +285,10 @@ class IdentifiedModel(Immutable):
         """Name of the model."""
         return self.structure.name
 
+    def __contains__(self, name: object) -> bool:
+        """Whether a parameter has this name."""
+        return name in self.parameters
+
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name.
 

@@ -35,6 +35,8 @@ def test_parameters_are_had_by_name(model: IdentifiedModel) -> None:
     gain = model["K_phi"]
     assert gain is model.parameters["K_phi"]
     assert gain.std == pytest.approx(model.bounds.std[model.bounds.names.index("K_phi")])
+    assert "K_phi" in model
+    assert "L_p" not in model
     with pytest.raises(UsageError, match=r"no parameter L_p.*K_phi"):
         model["L_p"]
 
