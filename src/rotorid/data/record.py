@@ -376,6 +376,18 @@ def places(sources: Iterable[tuple[Topic, int]]) -> str:
     return ", ".join(dict.fromkeys(parts))
 
 
+def require_record(record: object) -> None:
+    """Raise where something else came in place of a record, such as the name of its file.
+
+    Raises
+    ------
+    UsageError
+        It is no record.
+    """
+    if not isinstance(record, FlightRecord):
+        raise UsageError(f"{type(record).__name__} is no FlightRecord", needed="what rotorid.read gave")
+
+
 def silences(topics: Sequence[Topic], longer_than_s: float) -> Intervals:
     """Start and stop of each pause in which no topic has a sample.
 

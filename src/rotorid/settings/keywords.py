@@ -113,10 +113,14 @@ def _signature(function: Callable[..., Any], kind: type[Any]) -> inspect.Signatu
 
 
 def _reword(error: RotoridError, kind: type[Any] | None, arguments: frozenset[str]) -> None:
-    """An error with keywords in place of options."""
+    """An error with keywords in place of options; what a command prints below it, a program finds in its findings."""
+
+    def reworded(text: str) -> str:
+        return in_keywords(text.replace("see below", "see the findings of this error for"), kind, arguments)
+
     for name in ("came", "needed", "remedy"):
-        setattr(error, name, in_keywords(getattr(error, name), kind, arguments))
-    error.args = (in_keywords(str(error), kind, arguments),)
+        setattr(error, name, reworded(getattr(error, name)))
+    error.args = (reworded(str(error)),)
 
 
 def in_keywords(text: str, kind: type[Any] | None, arguments: Collection[str] = ()) -> str:

@@ -261,6 +261,10 @@ def _from_text(item: "Field[Any]", value: Any) -> Any:
         raise UsageError(f"{item.name}={value!r} cannot be read", needed=f"a mapping of names{form}")
     if isinstance(value, str) and _numeric(item):
         raise UsageError(f"{item.name}={value!r} is a text", needed="a number")
+    if isinstance(value, Mapping) and get_args(_kind(item))[1:] == (float,):
+        for name, number in value.items():
+            if isinstance(number, str):
+                raise UsageError(f"{item.name} of {name} is the text {number!r}", needed="a number")
     return value
 
 
@@ -270,8 +274,13 @@ def _is_text(value: Any) -> bool:
 
 def _numeric(item: "Field[Any]") -> bool:
     """Whether a field takes numbers alone, or yes and no."""
-    kind = getattr(item.type, "__origin__", item.type) if hasattr(item.type, "__metadata__") else item.type
+    kind = _kind(item)
     return {*(get_args(kind) or (kind,))} <= {float, int, bool, type(None)}
+
+
+def _kind(item: "Field[Any]") -> Any:
+    """The type of a field without what its annotation adds."""
+    return getattr(item.type, "__origin__", item.type) if hasattr(item.type, "__metadata__") else item.type
 
 
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:

@@ -16,8 +16,8 @@ from rotorid.autopilots.advice import channel_advice
 from rotorid.data.base import Immutable, cached_by_value, read_only
 from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
-from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places
-from rotorid.errors import InsufficientDataError
+from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places, require_record
+from rotorid.errors import InsufficientDataError, UsageError
 from rotorid.typing import FloatArray
 
 LONGEST_BRIDGED_GAP_S = 0.1
@@ -98,7 +98,12 @@ def resample(
     ------
     InsufficientDataError
         A channel is not in the log, or not in this interval.
+    UsageError
+        The rate is not positive, or the record is none.
     """
+    require_record(record)
+    if sample_rate_hz is not None and not sample_rate_hz > 0.0:
+        raise UsageError(f"the sample rate {sample_rate_hz:g} Hz is not positive", needed="a positive number")
     sources = {name: source_topic(record, name, start_s, stop_s) for name in (*channels, *auxiliary)}
     findings: list[Finding] = []
     series = {}

@@ -31,9 +31,11 @@ from rotorid.data.record import (
     Kind,
     Maneuver,
     Maneuvers,
+    require_record,
     units_of,
 )
 from rotorid.data.trust import LEAST_WIDTH, RICH_KINDS
+from rotorid.errors import unknown_name
 from rotorid.signal.airborne import airborne_by_thrust
 from rotorid.signal.bench import driven_motors, is_bench
 from rotorid.signal.clock import even_step_s
@@ -243,7 +245,6 @@ def _stands_still(record: FlightRecord, maneuver: Maneuver) -> bool:
     return still
 
 
-@cached_by_value
 def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     """Excitations of one axis: those that the log declares, and those that its signals show beside them.
 
@@ -270,7 +271,20 @@ def find_excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     -------
     Maneuvers
         In order of time; empty where nothing was excited.
+
+    Raises
+    ------
+    UsageError
+        There is no such axis, or the record is none.
     """
+    require_record(record)
+    if axis not in AXES:
+        raise unknown_name("axis", str(axis), AXES)
+    return _excitations(record, axis)
+
+
+@cached_by_value
+def _excitations(record: FlightRecord, axis: Axis) -> Maneuvers:
     found = _from_outside(record, axis) or _by_single_motors(record, axis)
     if found:
         return Maneuvers(found)

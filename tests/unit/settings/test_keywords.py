@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pickle
+import re
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 import rotorid
-from rotorid.errors import RotoridError, UsageError
+from rotorid.errors import InsufficientDataError, RotoridError, UsageError
 from rotorid.exports import ExportSettings
 from rotorid.fleets import FleetSettings
 from rotorid.identifying.identification import identify
@@ -102,6 +103,28 @@ def test_functions_without_options_speak_of_their_arguments(tmp_path: Path) -> N
         rotorid.export([], "rl-tools", ExportSettings(pade_order=3))
     with pytest.raises(RotoridError, match=r'mujoco needs .*; add given=\{"m": KG, "I_xx": NUMBER, .*"c_1": NUMBER\}'):
         rotorid.export([], "mujoco", layout=library_layout("quad.x"))
+
+
+def test_steps_refuse_what_is_no_record_no_axis_and_no_rate() -> None:
+    record = rotorid.FlightRecord.from_arrays([0.0, 0.1], {"p": [0.0, 1.0]})
+    span = {"channels": ["p"], "start_s": 0.0, "stop_s": 0.1}
+    calls: list[tuple[Callable[[], object], str]] = [
+        (lambda: rotorid.find_excitations("flight.ulg", "roll"), "str is no FlightRecord; expected what rotorid.read"),  # type: ignore[arg-type]
+        (lambda: rotorid.resample("flight.ulg", **span), "str is no FlightRecord; expected what rotorid.read gave"),  # type: ignore[arg-type]
+        (lambda: rotorid.find_excitations(record, "rol"), "unknown axis 'rol'; did you mean roll?"),  # type: ignore[arg-type]
+        (lambda: rotorid.resample(record, **span, sample_rate_hz=-3.0), "sample rate -3 Hz is not positive"),  # type: ignore[arg-type]
+        (lambda: rotorid.identify("a.ulg", "rate.roll", fix={"T_motor": "x"}), "fix of T_motor is the text 'x'; exp"),  # type: ignore[dict-item]
+    ]
+    for call, words in calls:
+        with pytest.raises(UsageError, match=re.escape(words)):
+            call()
+
+
+def test_what_a_command_prints_below_is_in_the_findings_of_the_error() -> None:
+    unsupported = rotorid.FlightRecord.from_arrays([0.0, 0.1], {"p": [0.0, 1.0]})
+    with pytest.raises(InsufficientDataError, match="see the findings of this error for what each axis needs") as error:
+        rotorid.tune(records=unsupported)
+    assert {finding.kind for finding in error.value.findings} >= {"not_tuned"}
 
 
 def test_verbs_go_to_other_processes() -> None:
