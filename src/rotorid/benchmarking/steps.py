@@ -140,7 +140,8 @@ def step_table(
 
 
 _KEPT, _MOVING = "state kept", "velocity and rates kept"
-_OURS = ("physical.flight", "physical.flight --predictor")
+OURS = ("physical.flight", "physical.flight --predictor")
+"""What rotorid predicts with."""
 
 
 def _of_rotorid(
@@ -159,7 +160,7 @@ def _of_rotorid(
             flight = flights[place]
             windows = windows_of(flight)
             driven = motion(flight.record, fit.values, skew_s=flight.skew_s)
-            for label, values in zip(_OURS, numbers, strict=False):
+            for label, values in zip(OURS, numbers, strict=False):
                 # Of each flight its own: the battery is put in anew.
                 own = {**values, **center_of(values, vehicle.airframe, flight.record, driven)}
                 reached = predicted_steps(

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from rotorid.documents.vehicle import NamedVehicle
     from rotorid.flying.bench_designs import BenchSettings
 
-RIG = "rig"
-
 _MOST_NAMED = 8
 """Parameters of a model that a line names."""
 
@@ -137,6 +135,7 @@ def _design_bench(
     from rotorid.flying.bench_designs import design_bench
     from rotorid.io.folders import making, target_folder
     from rotorid.report.files import result_kind, to_json, write_bench_design
+    from rotorid.vehicles.catalog import RIG
 
     taken = {"axes", "band_rad_s", "duration_s", "limits", "amplitudes", "seed", "prior"}
     refused = [*others, *changed_options(PlanSettings, {k: v for k, v in plan.items() if k not in taken}).values()]

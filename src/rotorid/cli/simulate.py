@@ -33,7 +33,6 @@ EVERYDAY = "everyday"
 _HOVER_S = 60.0
 """Length of a flight without a plan, unless the user says otherwise."""
 
-RIG = "rig"
 _MOST_ROWS = 20
 
 
@@ -159,6 +158,7 @@ def _fly_vehicle(
             remedy="use only --seed, --set, --out and --plan FILE: it sweeps two motors for 120 s and writes CSV",
         )
         from rotorid.documents.design import read_plan
+        from rotorid.vehicles.catalog import RIG
 
         swept = None if sweeps is None else read_plan(Path(sweeps))
         own = bench if bench.prior is not None or bench.changes else None

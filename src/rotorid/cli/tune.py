@@ -290,23 +290,20 @@ def _path_table(axis: str, tuning: AxisTuneDocument, unit: Frequency) -> Table:
     """Gains and predicted margins of each flight to the best gains."""
     from rich.table import Table
 
-    from rotorid.report.tune_words import row_numbers, row_words, step_name
+    from rotorid.report.tune_words import PATH_MARGINS, row_numbers, row_words, step_name
 
     names = list(tuning.path[0].gains)
     table = Table(
         title=f"flights to the best gains of {axis}, with angle loop", title_justify="left", box=None, pad_edge=False
     )
     table.add_column("flight")
-    for name in (*names, *(row_words(name, unit) for name in _PATH), "attitude error"):
+    for name in (*names, *(row_words(name, unit) for name in PATH_MARGINS), "attitude error"):
         table.add_column(name, justify="right")
     for step in tuning.path:
         table.add_row(
             step_name(step),
             *(f"{step.gains[name]:.4g}" for name in names),
-            *(row_numbers(name, step.whole[name], unit) if name in step.whole else "" for name in _PATH),
+            *(row_numbers(name, step.whole[name], unit) if name in step.whole else "" for name in PATH_MARGINS),
             f"{100.0 * step.attitude_ratio.value:.0f} %",
         )
     return table
-
-
-_PATH = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")

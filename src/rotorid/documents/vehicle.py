@@ -36,13 +36,12 @@ from rotorid.models.rotors import SPINS, UP, RotorLayout, library_layout
 from rotorid.simulation.autopilot import Autopilot, Guidance, Kind, RateLoop
 from rotorid.simulation.multirotor import Battery, Multirotor, RotorFlow, Rotors, Sensors
 from rotorid.simulation.multirotor_flight import Aircraft
-from rotorid.vehicles.catalog import VEHICLES, VehicleEntry, aircraft, aircraft_names
+from rotorid.vehicles.catalog import RIG, VEHICLES, VehicleEntry, aircraft, aircraft_names
 from rotorid.vehicles.px4 import with_gains
 
 if TYPE_CHECKING:
     from rotorid.flying.bench_designs import BenchSettings
 
-RIG = "rig"
 SCHEMA = "rotorid.vehicle/1"
 _NEEDED = "a vehicle file, such as rotorid vehicles x500 --toml prints"
 

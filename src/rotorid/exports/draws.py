@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from rotorid.errors import ModelError, UsageError
+from rotorid.models.motors import POSITIVE
 
 if TYPE_CHECKING:
     from rotorid.flying.vehicle_from_results import JoinedVehicle
     from rotorid.results.model import IdentifiedModel
-
-_POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
 
 _BRAKING = ("X_u", "Y_v", "Z_w", "L_p", "M_q", "N_r")
 
@@ -89,7 +88,7 @@ def require_possible(vehicle: JoinedVehicle, identified: JoinedVehicle) -> None:
         rotors do not carry the weight.
     """
     numbers = vehicle.numbers
-    if wrong := [name for name in _POSITIVE if name in numbers and numbers[name].value <= 0.0]:
+    if wrong := [name for name in POSITIVE if name in numbers and numbers[name].value <= 0.0]:
         raise ModelError(f"{', '.join(wrong)} would be negative", needed="positive numbers")
     braking = [name for name in _BRAKING if name in identified.numbers and identified.numbers[name].value < 0.0]
     if driving := [name for name in braking if name in numbers and numbers[name].value > 0.0]:

@@ -28,7 +28,9 @@ from rotorid.fleets.table import REVIEW, Row
 _LEAST_MOTION = 0.02
 """Change of the voltage between flights of a vehicle from which it shows a slope, as a share."""
 
-_SLOPES = {"yaw.drift_rad_s": "yaw.drift_per_volt", "yaw.yaw_trim": "yaw.yaw_trim_per_volt"}
+SLOPES = {"yaw.drift_rad_s": "yaw.drift_per_volt", "yaw.yaw_trim": "yaw.yaw_trim_per_volt"}
+"""Number of a review to its slope over the voltage of the battery."""
+
 _ENDS = ("battery.start_v", "battery.stop_v")
 
 
@@ -89,7 +91,7 @@ def yaw_over_voltage(
     for row in rows:
         if row.model == REVIEW:
             by_flight[row.vehicle, row.log, row.log_sha256, row.flight][row.parameter] = row
-    return tuple(_over_voltage(by_flight, populations, mean) for mean in _SLOPES if _any(by_flight, mean))
+    return tuple(_over_voltage(by_flight, populations, mean) for mean in SLOPES if _any(by_flight, mean))
 
 
 def _any(by_flight: Mapping[tuple[str, str, str, int], Mapping[str, Row]], mean: str) -> bool:
@@ -102,7 +104,7 @@ def _over_voltage(
     mean: str,
 ) -> YawOverVoltage:
     flights = tuple(_flights(by_flight, mean))
-    slopes = populations.get((REVIEW, _SLOPES[mean]))
+    slopes = populations.get((REVIEW, SLOPES[mean]))
     between, why = _between(flights)
     return YawOverVoltage(
         parameter=mean,
@@ -118,7 +120,7 @@ def _flights(by_flight: Mapping[tuple[str, str, str, int], Mapping[str, Row]], m
     for (vehicle, log, _, number), found in sorted(by_flight.items()):
         volts = [found[end].value for end in _ENDS if end in found]
         if mean in found and found[mean].std > 0.0 and len(volts) == len(_ENDS):
-            slope = found.get(_SLOPES[mean])
+            slope = found.get(SLOPES[mean])
             yield YawFlight(
                 vehicle=vehicle,
                 log=log,

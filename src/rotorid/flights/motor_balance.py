@@ -44,7 +44,7 @@ from rotorid.data.record import FlightRecord
 from rotorid.errors import InsufficientDataError, ModelError
 from rotorid.models.autopilots.layouts import layout_of
 from rotorid.typing import AnyArray, FloatArray
-from rotorid.uncertainty.differences import Verdict, verdict
+from rotorid.uncertainty.differences import POWER_QUANTILE, Verdict, verdict
 
 PATTERNS = ("balance_roll", "balance_pitch", "balance_yaw")
 """Figures of a review that hold the amplitudes, in the order of the patterns."""
@@ -90,8 +90,6 @@ Of more than four rotors one that works harder looks like its opposite that work
 
 _UNEXPLAINED = 16.0
 """Squares that the best explanation may leave: Student's tails with few flights reach far."""
-
-_POWER_QUANTILE = float(special.ndtri(0.8))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -362,7 +360,7 @@ def _explanations(
 
 def _detectable(b: FloatArray, variance: FloatArray, freedom: float) -> float:
     """Rise of the motor that shows least, which would have been found four times out of five."""
-    score = math.sqrt(float(special.chdtri(b.shape[1], FALSE_ALARM))) + _POWER_QUANTILE
+    score = math.sqrt(float(special.chdtri(b.shape[1], FALSE_ALARM))) + POWER_QUANTILE
     # A score of so many normal deviations is one of more deviations of Student's.
     wider = float(-special.stdtrit(freedom, float(special.ndtr(-score)))) / score
     information = np.square(b / b.shape[0]) @ (1.0 / variance)

@@ -45,13 +45,13 @@ _LONGEST_PLAN_S = 1800.0
 _STEP_S = 0.3
 """Default length of one step."""
 
-_UNITS_OF_STEPS: "Mapping[Shape, int]" = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
-"""Steps in each shape."""
+UNITS_OF_STEPS: "Mapping[Shape, int]" = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
+"""Length of a maneuver of steps, in units of one step."""
 
 _SWEEP_UNITS = 200
 """An input without steps is by default as long as so many."""
 
-DOUBLET_S = _UNITS_OF_STEPS["doublet"] * _STEP_S
+DOUBLET_S = UNITS_OF_STEPS["doublet"] * _STEP_S
 
 BEHIND_SETPOINTS = "response.second_order_delay"
 """What is identified of a vehicle behind set-points unless another model is named."""
@@ -479,7 +479,7 @@ class PlanSettings(Immutable):
         """Duration of each test input."""
         if self.duration_s is not None:
             return self.duration_s
-        return _UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
+        return UNITS_OF_STEPS.get(self.shape, _SWEEP_UNITS) * _STEP_S
 
 
 def plan_settings(

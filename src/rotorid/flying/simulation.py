@@ -41,7 +41,7 @@ from rotorid.simulation.multirotor_flight import Aircraft, changed, fly_multirot
 from rotorid.typing import Axis
 from rotorid.units import STANDARD_GRAVITY_M_S2
 from rotorid.vehicles import rig
-from rotorid.vehicles.catalog import VEHICLES, Vehicle, VehicleEntry
+from rotorid.vehicles.catalog import RIG, VEHICLES, Vehicle, VehicleEntry
 from rotorid.verification.flight import outside, percents
 from rotorid.verification.multistep import to_body
 
@@ -404,7 +404,6 @@ def _findings(logs: Sequence[SimulatedLog]) -> list[Finding]:
     return saturated + [finding for log in logs for finding in log.findings]
 
 
-RIG = "rig"
 SWEPT = ("motor_3", "motor_4")
 LOG_NAME = "flight.csv"
 

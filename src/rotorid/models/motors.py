@@ -57,7 +57,8 @@ CURVE_TERMS: Mapping[Curve, tuple[str, ...]] = {
 SCALES = ("m", "c_1", "c_2", "c_0", "I_xx", "I_yy")
 """Any one of these, known and in the model, sets the scale of the others. I_zz does not: yaw has kappa of its own."""
 
-_POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
+POSITIVE = ("m", "I_xx", "I_yy", "I_zz", "kappa", "T_motor")
+"""Numbers that no vehicle has at zero or below."""
 
 _UNITS: Mapping[str, str] = {
     "m": "kg",
@@ -237,7 +238,7 @@ def _require(fixed: Mapping[str, float], curve: Curve) -> None:
                 needed=f"one of {', '.join(sorted(allowed))}",
                 remedy=f"did you mean {near}?" if near else "",
             )
-        if name in _POSITIVE and not value > 0.0:
+        if name in POSITIVE and not value > 0.0:
             raise ModelError(f"the known {name} = {value:g} is not possible", needed="a positive number")
         if name.startswith("c_") and name not in CURVE_TERMS[curve]:
             raise ModelError(f"a {curve} curve has no {name}", remedy="choose another curve")

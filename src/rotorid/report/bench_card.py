@@ -8,11 +8,9 @@ from rotorid import __version__
 from rotorid.data.display import listed
 from rotorid.data.quantity import significant, with_error
 from rotorid.flying.bench_designs import ANGLES, BenchDesign
-from rotorid.report.frame import asset
+from rotorid.report.frame import CARD_POLICY, asset
 
 FILE = "bench-card.html"
-
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
 def bench_card(design: BenchDesign) -> dict[str, str]:
@@ -46,7 +44,7 @@ def bench_card(design: BenchDesign) -> dict[str, str]:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     page = environment.from_string(asset("templates/bench_card.html")).render(
-        policy=_POLICY,
+        policy=CARD_POLICY,
         style=Markup(asset("flight_card.css")),
         version=__version__,
         name=plan.name,

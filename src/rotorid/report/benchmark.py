@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 from rotorid.benchmarking.benchmark import Benchmarked
 from rotorid.benchmarking.catalog import BENCHMARKS, METRICS, SHOWN, Metric
+from rotorid.benchmarking.steps import OURS
 from rotorid.data.display import listed
 from rotorid.data.quantity import MISSING, significant, with_error
 from rotorid.documents.benchmark import BenchDocument, BenchRowDocument, bench_document
 from rotorid.report.findings import finding_rows
 from rotorid.report.frame import render
 from rotorid.report.tables import Column, Entry, Table
-
-_OWN = ("physical.flight", "physical.flight --predictor")
 
 
 class ModelRow(NamedTuple):
@@ -87,7 +86,7 @@ def bench_summary(document: BenchDocument) -> list[str]:
             missed.append(f"{metric.words} by {significant(metric.scale * value, digits=3)} {metric.shown}")
             shares.append(significant(value / table[naive, metric.name], digits=2))
         return [f"{own} misses {listed(missed)}, {listed(shares)} times as much as {naive}.", split]
-    own = max((name for name in _OWN if (name, "position") in table), key=_OWN.index)
+    own = max((name for name in OURS if (name, "position") in table), key=OURS.index)
     shares = [f"{metric.name} {significant(table[own, metric.name], digits=2)}" for metric in SHOWN[kind]]
     return [f"Errors of {own} over those of a kept state: {', '.join(shares)}.", split]
 

@@ -31,6 +31,7 @@ from rotorid.fleets.analysis import FleetAnalysis, History, quantity_of
 from rotorid.fleets.names import Shown, shown, words_of
 from rotorid.fleets.populations import Population
 from rotorid.fleets.table import REVIEW
+from rotorid.fleets.yaw_drift import SLOPES
 from rotorid.letters import visible
 from rotorid.plot.fleet import over_voltage
 from rotorid.report.frame import Picture, drawn, frequency_of, render
@@ -293,12 +294,9 @@ def _row(model: str, name: str, population: PopulationDocument) -> PopulationRow
     )
 
 
-_PER_VOLT = {"yaw.drift_rad_s": "yaw.drift_per_volt", "yaw.yaw_trim": "yaw.yaw_trim_per_volt"}
-
-
 def _over_voltage(found: YawOverVoltageDocument) -> YawRow:
     level = quantity_of_paper(REVIEW, found.parameter, found.flights[0].value.unit)
-    quantity = quantity_of_paper(REVIEW, _PER_VOLT[found.parameter], "")
+    quantity = quantity_of_paper(REVIEW, SLOPES[found.parameter], "")
     slopes = {"slope within flights": found.within, "slope between flights": found.between}
     picture = Picture(
         key=f"fleet-{found.parameter}",

@@ -23,6 +23,7 @@ from rotorid.data.flight_plan import FlightPlan, PlannedInput, Shape
 from rotorid.data.quantity import MISSING, percent, significant, unit, with_error
 from rotorid.data.trust import DIRECT_COHERENCE
 from rotorid.errors import UsageError
+from rotorid.flying.settings import UNITS_OF_STEPS
 from rotorid.plans.ardupilot import plan_log_bitmask
 from rotorid.plans.facts import (
     FlightFacts,
@@ -33,7 +34,7 @@ from rotorid.plans.facts import (
     how_to_stop,
     throttle_by_hand,
 )
-from rotorid.report.frame import asset
+from rotorid.report.frame import CARD_POLICY, asset
 from rotorid.report.parts import FAR_SIGMAS
 from rotorid.typing import FloatArray
 
@@ -62,9 +63,6 @@ _SHAPES: Mapping[Shape, str] = MappingProxyType(
         "three_two_one_one": "3-2-1-1",
     }
 )
-
-_UNITS: Mapping[Shape, int] = MappingProxyType({"doublet": 2, "two_one_one": 4, "three_two_one_one": 7})
-"""Length of a maneuver of steps, in units of one step."""
 
 
 def shape_words(planned: PlannedInput) -> str:
@@ -107,7 +105,7 @@ def band_words(planned: PlannedInput) -> str:
         low, high = (_short(edge / (2.0 * math.pi)) for edge in planned.band_rad_s)
         return f"{low} to {high} Hz"
     begin_s, end_s = excited_s(planned)
-    return f"steps of {_short((end_s - begin_s) / _UNITS.get(planned.shape, 1))} s"
+    return f"steps of {_short((end_s - begin_s) / UNITS_OF_STEPS.get(planned.shape, 1))} s"
 
 
 def how_to_fly(plan: FlightPlan, facts: FlightFacts) -> str:
@@ -310,7 +308,6 @@ _ROOMY, _DENSE = 4, 6
 _LONG_NAME = 34
 _LONG_S = 10.0
 _NOT_KNOWN = "too uncertain"
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,7 +370,7 @@ def flight_card_html(plan: FlightPlan, facts: FlightFacts) -> str:
     )
     first_s, last_s = _edges_s(plan.inputs)
     return environment.from_string(asset("templates/flight_card.html")).render(
-        policy=_POLICY,
+        policy=CARD_POLICY,
         style=Markup(asset("flight_card.css")),
         version=__version__,
         plan=plan,

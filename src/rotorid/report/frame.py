@@ -359,6 +359,10 @@ def policy(*scripts: str) -> str:
     return f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:"
 
 
+CARD_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
+"""What a card may load: nothing."""
+
+
 def asset(name: str) -> str:
     """Text of a file that ships with this package."""
     return files("rotorid.report").joinpath(name).read_text(encoding="utf-8")

@@ -30,6 +30,7 @@ from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
 from rotorid.report.loop_words import answer_of, is_outer, loop_words
 from rotorid.report.tune_words import (
+    PATH_MARGINS,
     balance_sentence,
     following,
     headline,
@@ -64,7 +65,6 @@ _OF_LOOPS = (
     "rejection_peak_db",
 )
 _OF_ATTITUDE = ("attitude_bandwidth_rad_s", "phase_delay_s")
-PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
 _NOTHING = (MISSING, "")
 _SENSITIVITY = "Sensitivity to disturbances"
 _DRAWS_ON_PAGE = 12

@@ -27,6 +27,9 @@ from rotorid.tuning.kinds import KINDS
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import LoopName
 
+PATH_MARGINS = ("sensitivity_peak", "crossover_rad_s", "phase_margin_deg")
+"""Predicted margins of each flight to the best gains."""
+
 LIMIT_IS_KEPT = "95 % of the likely vehicles stay within it, so an interval may end slightly above"
 """Why the upper end of a 95 % interval may lie above a limit that the gains keep."""
 

@@ -43,7 +43,7 @@ FALSE_SHARE = 0.05
 NOTICEABLE_SHARE = 0.2
 """A change that has to be found for a number to be called unchanged."""
 
-_POWER_QUANTILE = float(special.ndtri(0.8))
+POWER_QUANTILE = float(special.ndtri(0.8))
 """A change that would have been found is one that is found four times out of five."""
 
 _LEAST_SIGMAS = 2.0
@@ -268,7 +268,7 @@ def detectable(std: float, *, tests: int, freedom: float = math.inf, share: floa
     (0.14, 0.2)
     """
     tail = share / (2.0 * max(tests, 1))
-    return float((_POWER_QUANTILE - special.stdtrit(freedom, tail)) * std)
+    return float((POWER_QUANTILE - special.stdtrit(freedom, tail)) * std)
 
 
 def verdict(*, found: bool, detectable_share: float) -> Verdict:

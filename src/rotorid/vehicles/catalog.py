@@ -23,7 +23,9 @@ from rotorid.vehicles import hummingbird as hummingbird_flight
 from rotorid.vehicles import px4 as px4_quad
 from rotorid.vehicles import s500 as s500_flight
 
-_RIG = "rig"
+RIG = "rig"
+"""Name of the test stand that turns about one axis."""
+
 _RIG_SOURCE = "Frequency-domain identification of a quadrotor with composite windows and K-means clustering"
 
 
@@ -154,7 +156,7 @@ _ENTRIES: tuple[VehicleEntry, ...] = (
         make=px4_quad.aircraft,
     ),
     VehicleEntry(
-        name=_RIG,
+        name=RIG,
         summary="3-DOF rig: a quadrotor on a pivot, driven by voltages; it turns and does not fly",
         source=_RIG_SOURCE,
     ),

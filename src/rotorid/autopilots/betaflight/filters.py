@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
+from rotorid.autopilots.betaflight.notches import DYNAMIC_FEATURE
 from rotorid.autopilots.filters import butterworth_low_pass, cascaded_low_pass, moving_average, notch
 from rotorid.autopilots.numbers import Parameters, broken, whole
 from rotorid.autopilots.passages import UNKNOWN, Passage, built, doubtful, joined, moving
@@ -29,7 +30,6 @@ _CASCADES = {2: 2, 3: 3}
 """Type to order of the low-passes PT2 and PT3."""
 _CASCADES_SINCE = (4, 3)
 """Before, these types meant other things."""
-_DYNAMIC_FEATURE = 1 << 29
 _LARGEST_DENOMINATOR = 255.0
 
 
@@ -146,7 +146,7 @@ def _notches(settings: Parameters, rate_hz: float) -> Iterator[Passage]:
 
 
 def _moving_notches(settings: Parameters) -> Iterator[Passage]:
-    if whole(settings, "features") & _DYNAMIC_FEATURE:
+    if whole(settings, "features") & DYNAMIC_FEATURE:
         yield moving("dynamic notch in features", settings["features"])
     # Without telemetry from the motors they have nothing to follow.
     if settings.get("dshot_bidir", 1.0) > 0.0:

@@ -24,7 +24,8 @@ from rotorid.autopilots.numbers import Parameters, whole
 
 _HARMONICS = (1, 2, 3)
 _NEAR_NYQUIST = 0.48
-_DYNAMIC_FEATURE = 1 << 29
+DYNAMIC_FEATURE = 1 << 29
+"""Bit of ``features`` that switches the dynamic notches on."""
 _NOTCH_CUTOFF = 0.85
 """Lower cutoff of a fixed notch over its center."""
 
@@ -42,7 +43,7 @@ def moving_notches(parameters: Parameters, motion: Motion) -> MovingNotches:
     settings = {
         name: value for name, value in parameters.items() if name.startswith(("rpm_filter_", "dyn_notch_", "features"))
     }
-    if whole(parameters, "features") & _DYNAMIC_FEATURE and whole(parameters, "dyn_notch_count", 1):
+    if whole(parameters, "features") & DYNAMIC_FEATURE and whole(parameters, "dyn_notch_count", 1):
         return no_notches(SPECTRUM, settings)
     harmonics = whole(parameters, "rpm_filter_harmonics")
     if not harmonics or not parameters.get("dshot_bidir", 1.0):

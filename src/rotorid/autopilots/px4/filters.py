@@ -15,7 +15,7 @@ from rotorid.autopilots.passages import NARROWEST, Chain, Passage, second_order,
 from rotorid.data.record import FlightRecord
 from rotorid.errors import UsageError
 
-_SENSOR_HZ = 8000.0
+SENSOR_HZ = 8000.0
 """Of a fast sensor, on whose raw samples the filters work."""
 
 
@@ -68,4 +68,4 @@ CHAINS = (
 
 def passage(record: FlightRecord, source: str, sensor_rate_hz: float | None) -> Passage:
     """What a channel of a log has passed; at the rate of a fast sensor where none is given."""
-    return through(CHAINS, source, record.parameters, sensor_rate_hz or _SENSOR_HZ)
+    return through(CHAINS, source, record.parameters, sensor_rate_hz or SENSOR_HZ)

@@ -24,9 +24,9 @@ from rotorid.autopilots.notches import (
     scaled_cutoffs,
 )
 from rotorid.autopilots.numbers import Parameters, whole
+from rotorid.autopilots.px4.filters import SENSOR_HZ
 
 _BY_ESC, _BY_SPECTRUM = 1, 2
-_SENSOR_HZ = 8000.0
 _HARMONICS = (1, 2, 3)
 _WIDTH = 0.25
 """Width of a fixed notch over its frequency."""
@@ -44,8 +44,8 @@ def moving_notches(parameters: Parameters, motion: Motion) -> MovingNotches:
     orders = np.arange(1, int(np.clip(whole(parameters, "IMU_GYRO_DNF_HMC", 3), 1, 7)) + 1)
     least_hz = max(parameters.get("IMU_GYRO_DNF_MIN", 25.0), width_hz) + 0.5 * (orders - 1) * width_hz
     centers = np.maximum(orders[:, None, None] * motion.speeds_hz, least_hz[:, None, None])
-    damping = np.full_like(centers, math.tan(math.pi * width_hz / _SENSOR_HZ))
-    return rows_of(centers, damping, np.zeros(1), _SENSOR_HZ, settings)
+    damping = np.full_like(centers, math.tan(math.pi * width_hz / SENSOR_HZ))
+    return rows_of(centers, damping, np.zeros(1), SENSOR_HZ, settings)
 
 
 def filter_changes(parameters: Parameters, lines: NoiseLines) -> list[FilterChange]:

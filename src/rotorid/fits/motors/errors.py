@@ -36,7 +36,7 @@ from rotorid.data.base import cached_by_value
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, SLOW_BAND_HZ, Excitation, slow_taps
 from rotorid.fitting.motors.fit import MotorFit
-from rotorid.fitting.motors.problem import Axis, Filter, MotorProblem
+from rotorid.fitting.motors.problem import INERTIA, Axis, Filter, MotorProblem
 from rotorid.fitting.motors.translation import DRAG, translation
 from rotorid.fitting.problem import Part
 from rotorid.flights.motor_data import MotorData
@@ -63,7 +63,6 @@ their inflow, or speed up faster than they slow down, the slope is one to two pe
 """
 
 _GAINS = {"az": ("m", "c_0", "c_1", "c_2"), "p": ("I_xx",), "q": ("I_yy",), "r": ("kappa_per_I_zz",)}
-_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 
 PIECES = 10
 """Of all flights together: long enough to hold motion of their own, and enough to scatter."""
@@ -256,8 +255,8 @@ def _low_passed(row: FloatArray, corner_1_s: float, rate_hz: float) -> FloatArra
 
 def _made_by_motors(axis: Axis, problem: MotorProblem, values: Mapping[str, float], w: FloatArray) -> FloatArray:
     """Of the prediction of an axis, what the motors contribute."""
-    if axis.name in _INERTIA:
-        name = _INERTIA[axis.name]
+    if axis.name in INERTIA:
+        name = INERTIA[axis.name]
         sign = 1.0 if axis.name == "r" else -1.0
         names = problem.parameters.names
         made = sign * values[name] * axis.slopes[names.index(name)]
@@ -322,9 +321,9 @@ def _of_slope(values: Mapping[str, float], share: float) -> dict[str, float]:
 
 def _by_sensors(values: Mapping[str, float]) -> Iterator[Mapping[str, float]]:
     """Scales of the gyros, and the slope of thrust, which inertia follows; the scale of the accelerometer is in it."""
-    for name in _INERTIA.values():
+    for name in INERTIA.values():
         if name in values:
-            of_yaw = {SPIN_UP: SENSOR_SHARE * values.get(SPIN_UP, 0.0)} if name == _INERTIA["r"] else {}
+            of_yaw = {SPIN_UP: SENSOR_SHARE * values.get(SPIN_UP, 0.0)} if name == INERTIA["r"] else {}
             yield {name: SENSOR_SHARE * values[name], **of_yaw}
     yield _of_slope(values, THRUST_SHARE)
 

@@ -22,7 +22,7 @@ from rotorid.fits.searching import Searched
 from rotorid.fitting.motors.excitation import band_words
 from rotorid.fitting.motors.fit import MotorFit
 from rotorid.fitting.motors.inertia import InertiaRegression
-from rotorid.fitting.motors.problem import MotorProblem
+from rotorid.fitting.motors.problem import DAMPING, MotorProblem
 from rotorid.flights.motor_data import MotorData
 from rotorid.models.motors import (
     SPIN_UP,
@@ -144,8 +144,6 @@ def levers_of(data: MotorData) -> FloatArray:
     return np.stack([arms[0], arms[1], torque[2]])
 
 
-_DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
-
 _INERTIA = {"p": "1/I_xx", "q": "1/I_yy", "r": "kappa_per_I_zz"}
 
 _LEAD = "T_lead"
@@ -180,7 +178,7 @@ def hover_model(identified: FittedMotors) -> LinearStructure:
                 if axis == "r" and SPIN_UP in parameters.names and lag
             )
             state = states[axes.index(axis)]
-            equations.append(f"{state}'{gained} = {_DAMPING[axis]}*{state} + {axis}_thrust*({moment})")
+            equations.append(f"{state}'{gained} = {DAMPING[axis]}*{state} + {axis}_thrust*({moment})")
     force = f"az_thrust*({_sum(dict.fromkeys(thrusts.values(), -1.0))})"
     heave = "Z_w" in parameters.names
     equations.append(f"w' = {'Z_w*w + ' if heave else ''}{force}")
@@ -233,7 +231,7 @@ def _parameter_tables(identified: FittedMotors, axes: Sequence[str]) -> list[str
     )
     used = {"m", "c_1", "c_2", "Z_w", "T_motor", *_delayed(identified)}
     used |= {SPIN_UP, YAW_DELAY} if "r" in axes else set()
-    used |= {name for axis in axes for name in (_DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
+    used |= {name for axis in axes for name in (DAMPING[axis], _INERTIA[axis].removeprefix("1/"))}
     lines: list[str] = []
     for parameter in identified.parameters:
         if parameter.name not in used:

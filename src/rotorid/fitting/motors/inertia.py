@@ -34,12 +34,10 @@ from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.quantity import TWO_SIDED_95, with_error
 from rotorid.errors import UsageError
 from rotorid.fitting.motors.fit import MotorFit
-from rotorid.fitting.motors.problem import Axis, Filter
+from rotorid.fitting.motors.problem import DAMPING, INERTIA, Axis, Filter
 from rotorid.models.motors import SPIN_UP
 from rotorid.typing import FloatArray
 
-_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
-_DAMPING = {"p": "L_p", "q": "M_q", "r": "N_r"}
 _PAST_S = (0.05, 0.07, 0.1, 0.14, 0.2, 0.28)
 _MEMORY_S = 0.25
 _WORTH_SAYING = 0.01
@@ -188,11 +186,11 @@ def _rows(
     fit: MotorFit, axis: Axis, shape: Filter, excitation: FloatArray | None, rate_hz: float, rate: FloatArray
 ) -> _Rows:
     names = fit.parameters.names
-    value = fit.parameters[_INERTIA[axis.name]].value
+    value = fit.parameters[INERTIA[axis.name]].value
     # Torque by inertia is inverse to the inertia, and proportional to kappa by inertia.
-    share = axis.slopes[names.index(_INERTIA[axis.name])] * (value if axis.name == "r" else -value)
+    share = axis.slopes[names.index(INERTIA[axis.name])] * (value if axis.name == "r" else -value)
     damped = axis.predicted - share
-    known = [rate[:-1]] if fit.parameters[_DAMPING[axis.name]].status == "free" else []
+    known = [rate[:-1]] if fit.parameters[DAMPING[axis.name]].status == "free" else []
     if axis.name == "r" and SPIN_UP in fit.parameters.free:
         known = [*known, axis.slopes[names.index(SPIN_UP)]]
     # Nearer than the lag of a motor the past is the present: the two regressions would be one.
@@ -254,7 +252,7 @@ def _regressed(fit: MotorFit, axis: str, rows: Sequence[_Rows]) -> InertiaRegres
 
 def _turned(fit: MotorFit, axis: str) -> bool:
     """Whether torque turns an axis at all; where it does not, no inertia follows."""
-    names = (_INERTIA[axis], "I_zz") if axis == "r" else (_INERTIA[axis],)
+    names = (INERTIA[axis], "I_zz") if axis == "r" else (INERTIA[axis],)
     return all(fit.parameters[name].value != 0.0 for name in names if name in fit.parameters.names)
 
 
@@ -262,7 +260,7 @@ def _stated(fit: MotorFit, axis: str) -> tuple[str, str, float]:
     """Name, unit and identified value of an inertia."""
     parameters = fit.parameters
     if axis != "r":
-        return _INERTIA[axis], "kg m^2", parameters[_INERTIA[axis]].value
+        return INERTIA[axis], "kg m^2", parameters[INERTIA[axis]].value
     if "I_zz" in parameters.names:
         return "I_zz", "kg m^2", parameters["I_zz"].value
     return "I_zz/kappa", "kg m", 1.0 / parameters["kappa_per_I_zz"].value

@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -39,6 +40,12 @@ from rotorid.fitting.motors.translation import DRAG, Translation, between, shows
 from rotorid.fitting.problem import Part, Problem
 from rotorid.models.motors import SPIN_UP, YAW_DELAY
 from rotorid.typing import BoolArray, FloatArray
+
+INERTIA: Mapping[str, str] = MappingProxyType({"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"})
+"""Body rate to the parameter by which rotors turn the vehicle about its axis."""
+
+DAMPING: Mapping[str, str] = MappingProxyType({"p": "L_p", "q": "M_q", "r": "N_r"})
+"""Body rate to its damping."""
 
 FORCES = ("az", "weight")
 """Equations of specific force, whose mean is the weight."""

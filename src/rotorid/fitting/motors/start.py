@@ -10,7 +10,7 @@ import numpy as np
 from rotorid.data.axes import AXIS_WORDS
 from rotorid.data.record import MotorRecord
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION, Excitation
-from rotorid.fitting.motors.problem import Filter, MotorProblem
+from rotorid.fitting.motors.problem import INERTIA, Filter, MotorProblem
 from rotorid.fitting.problem import Scale, StartBox
 from rotorid.models.motors import SPIN_UP, YAW_DELAY, mean_force
 from rotorid.models.parameter import ParameterSet
@@ -20,7 +20,6 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 WEIGHING = Filter(np.ones(1), 0.05)
 """The mean of an accelerometer as a scale of thrust: good to its bias, 0.05 m/s² where it was calibrated."""
 
-_INERTIA = {"p": "I_xx", "q": "I_yy", "r": "kappa_per_I_zz"}
 _SEARCHED_HZ = 50.0
 _FAR = 5.0
 _REACH: Mapping[str, tuple[float, float]] = {
@@ -151,7 +150,7 @@ def started(problem: MotorProblem, found: Sequence[Mapping[str, Excitation]]) ->
     if "T_motor" in free and lags:
         parameters = parameters.with_values({"T_motor": float(np.median(lags))})
     parameters = parameters.with_values(_of_mean_force(problem, parameters))
-    units = {name: 1.0 for axis, name in _INERTIA.items() if axis in problem.axes and name in free}
+    units = {name: 1.0 for axis, name in INERTIA.items() if axis in problem.axes and name in free}
     return parameters.with_values(_inertia(problem.with_parameters(parameters.with_values(units)), found, units))
 
 
@@ -196,7 +195,7 @@ def _inertia(
                     yaw.append((np.stack([torque, gained - gained.mean()]), motion))
     gains = {axis: top / bottom for axis, (top, bottom) in products.items() if top > 0.0}
     values = {
-        name: gains.get(axis, 1.0) if axis == "r" else 1.0 / gains.get(axis, 1.0) for axis, name in _INERTIA.items()
+        name: gains.get(axis, 1.0) if axis == "r" else 1.0 / gains.get(axis, 1.0) for axis, name in INERTIA.items()
     }
     if yaw:
         values |= _of_yaw(np.concatenate([rows for rows, _ in yaw], axis=1), np.concatenate([row for _, row in yaw]))

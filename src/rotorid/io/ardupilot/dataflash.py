@@ -273,7 +273,8 @@ SECTION_BYTES = 1 << 24
 _DECIDED_BYTES = 1 << 10
 """What follows this far behind a message has no say in whether it belongs to the chain: four of the longest ones."""
 
-_UNIT_NAMES = frozenset({"UNIT", "MULT", "FMTU"})
+UNIT_NAMES = frozenset({"UNIT", "MULT", "FMTU"})
+"""Messages that say the units of the others."""
 
 Definitions = Mapping[int, tuple[tuple[int, Format], ...]]
 """Type to its definitions: position in the log, and what was defined there."""
@@ -390,7 +391,7 @@ def _chain(
 def _is_wanted(layouts: Iterable[tuple[int, Format]], names: Collection[str] | None) -> bool:
     """Whether messages of a type are kept; those that cannot be decoded are, to say so."""
     return names is None or any(
-        layout.name in names or layout.name in _UNIT_NAMES or layout == FMT or not layout.decodable
+        layout.name in names or layout.name in UNIT_NAMES or layout == FMT or not layout.decodable
         for _, layout in layouts
     )
 

@@ -19,7 +19,7 @@ from typing import TypeAlias
 from rotorid.data.findings import Finding, warn
 from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import LogError
-from rotorid.io.ardupilot.dataflash import FMT, MAGIC, decode
+from rotorid.io.ardupilot.dataflash import FMT, MAGIC, UNIT_NAMES, decode
 from rotorid.io.ardupilot.firmware import introduces
 from rotorid.io.ardupilot.log import WANTED, record_of
 
@@ -39,7 +39,6 @@ _SCALED = frozenset("cCeEL")
 _STORED: Mapping[str, tuple[str, str]] = {"n": ("n", "4s"), "N": ("N", "16s"), "Z": ("Z", "64s"), "a": ("Z", "64s")}
 """Letter in the text to the letter and the type in which it is written back; all others are numbers."""
 
-_DEFINING = frozenset({"UNIT", "MULT", "FMTU"})
 _FEW_LINES = 20
 _BANNER = 2000
 """Within so many characters a log says what wrote it."""
@@ -119,7 +118,7 @@ def _messages(lines: Sequence[str]) -> Iterator[tuple[str, Cells, Sequence[str]]
         if line.startswith("{"):
             kind = _KIND.search(line)
             # Most messages are not wanted, and need no parsing.
-            if kind is None or kind[1] in WANTED or kind[1] in _DEFINING or kind[1] == FMT.name:
+            if kind is None or kind[1] in WANTED or kind[1] in UNIT_NAMES or kind[1] == FMT.name:
                 yield _of_json(line)
         elif (dumped := _DUMPED.match(line)) is not None:
             names = _FIELD.findall(dumped[2])
@@ -167,7 +166,7 @@ class _Binary:
         """One message; of the definitions each becomes one of its own."""
         if name == FMT.name:
             self._define(_split(cells, len(FMT.columns)))
-        elif name in WANTED or name in _DEFINING:
+        elif name in WANTED or name in UNIT_NAMES:
             layout = self._layouts.get(name) or self._guess(name, cells, columns)
             parts = () if layout is None else _split(cells, len(layout.columns))
             parts = self._without_factors(parts) if name == "FMTU" else parts

@@ -260,7 +260,7 @@ def _message(data: AnyArray, position: int) -> tuple[str, bytes]:
     return chr(data[position + 2]), data[start : start + size].tobytes()
 
 
-_SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
+SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _HEADER = struct.Struct("<HBH")
 _DATA = ord("D")
 # Type letter to the smallest and largest payload that it can have.
@@ -631,7 +631,7 @@ def _refuse(view: memoryview, position: int, size: int, letter: int) -> str:
         return f"a message of type {chr(letter)} has an impossible size of {size} bytes"
     start = position + MESSAGE_HEADER_BYTES
     payload = bytes(view[start : start + size])
-    if letter == ord("S") and payload != _SYNC[: len(payload)]:
+    if letter == ord("S") and payload != SYNC[: len(payload)]:
         return "a synchronization message is damaged"
     if letter == ord("B") and position != HEADER_BYTES:
         return "the flags are in the middle of the file"

@@ -31,7 +31,7 @@ from rotorid.errors import UsageError
 from rotorid.frames import quaternion_from_euler
 from rotorid.io.files import write_atomically
 from rotorid.io.px4.log import ALL_RULES, EXCITATION, Rule
-from rotorid.io.px4.ulog import MAGIC, TYPES, Definitions, Member
+from rotorid.io.px4.ulog import MAGIC, SYNC, TYPES, Definitions, Member
 from rotorid.io.tables.mapping import nearest
 from rotorid.typing import AnyArray, FloatArray, IntArray
 
@@ -383,7 +383,6 @@ def _typed(name: str, value: float) -> float | int:
 
 _VERSION = 1
 _NO_FLAGS = bytes(40)
-_SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
 _SYNC_EVERY_US = 500_000
 _LARGEST_PAYLOAD = 0xFFFF
 _MOST_TOPICS = 1 << 16
@@ -578,7 +577,7 @@ def _blocks(topics: Sequence[LoggedTopic]) -> Iterator[tuple[AnyArray, AnyArray]
     ends = [topic.samples["timestamp"][[0, -1]] for topic in topics if topic.samples.size]
     if ends:
         stamps = np.arange(np.min(ends), np.max(ends), _SYNC_EVERY_US, dtype=np.uint64)
-        yield stamps, np.full(stamps.size, np.void(_message("S", _SYNC)))
+        yield stamps, np.full(stamps.size, np.void(_message("S", SYNC)))
 
 
 def _merged(head: bytes, blocks: Sequence[tuple[AnyArray, AnyArray]]) -> bytes:
