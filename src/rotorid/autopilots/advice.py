@@ -93,6 +93,11 @@ def motor_advice(record: FlightRecord) -> str:
     return unread_words(record.unread, ("motor_1",)) or autopilot_of(record).advice.motors(record)
 
 
+def slow_motor_advice(record: FlightRecord, rate_hz: float) -> str:
+    """How the next log holds the motor outputs faster than at a rate."""
+    return autopilot_of(record).advice.slow_motors(record, rate_hz) or logging_advice(record, rate_hz)
+
+
 def speed_advice(record: FlightRecord) -> str:
     """How the next log holds the speeds of the motors."""
     return unread_words(record.unread, ("motor_speed_1",)) or autopilot_of(record).advice.speeds(record)

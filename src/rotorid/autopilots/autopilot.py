@@ -134,7 +134,7 @@ def _log_less(_record: FlightRecord) -> str:
     return "log less"
 
 
-def _no_sensors(_record: FlightRecord, _rate_hz: float) -> str:
+def _as_all(_record: FlightRecord, _rate_hz: float) -> str:
     return ""
 
 
@@ -157,6 +157,8 @@ class Advice:
         How the sensors are logged, fast enough for the vibration of rotors: of the record and their rate.
     raw_gyro, motors
         How the gyro before its filters, and the motor outputs, are logged.
+    slow_motors
+        How the motor outputs are logged faster than at this rate; empty where as everything else.
     speeds, gains
         How the speeds of the motors, and the gains of the rate controllers, are logged.
     gaps
@@ -168,9 +170,10 @@ class Advice:
     """
 
     logging: Callable[[FlightRecord, float, tuple[str, ...]], str] = _log_it
-    sensors: Callable[[FlightRecord, float], str] = _no_sensors
+    sensors: Callable[[FlightRecord, float], str] = _as_all
     raw_gyro: Callable[[FlightRecord], str] = _nothing
     motors: Callable[[FlightRecord], str] = _nothing
+    slow_motors: Callable[[FlightRecord, float], str] = _as_all
     speeds: Callable[[FlightRecord], str] = _log_speeds
     gains: str = "use the autopilot's own log, which contains its parameters"
     gaps: Callable[[FlightRecord], str] = _log_less

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from rotorid.autopilots.advice import logging_advice, motor_advice
+from rotorid.autopilots.advice import logging_advice, motor_advice, slow_motor_advice
 from rotorid.data.findings import Finding, refusal, warn
 from rotorid.data.quantity import Quantity, milliseconds
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord
@@ -61,7 +61,10 @@ def logged_too_slowly(record: FlightRecord, what: str, rate_hz: float) -> Insuff
     missing = (what,) if rate_hz <= 0.0 and what != "motors" else ()
     came = f"{record.source.name} has no {what}" if missing else f"{what} are logged at {rate_hz:.0f} Hz"
     kind = "missing_channel" if missing else "rate_too_low"
-    remedy = logging_advice(record, rate_hz, missing) if rate_hz > 0.0 or missing else motor_advice(record)
+    if what != "motors":
+        remedy = logging_advice(record, rate_hz, missing)
+    else:
+        remedy = slow_motor_advice(record, rate_hz) if rate_hz > 0.0 else motor_advice(record)
     needed = f"motors and rates at {LOWEST_RATE_HZ:.0f} Hz or more"
     return _refused(kind, what, came, needed, remedy, {"rate_hz": rate_hz})
 

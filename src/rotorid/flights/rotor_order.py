@@ -35,7 +35,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rotorid.autopilots.advice import logging_advice
+from rotorid.autopilots.advice import logging_advice, slow_motor_advice
 from rotorid.data.axes import RATES
 from rotorid.data.base import Immutable, cached_by_value
 from rotorid.data.display import listed
@@ -279,9 +279,11 @@ def _prepared(record: FlightRecord, layout: RotorLayout, intervals: Intervals) -
         return _unknown(layout, f"The log has no {listed(missing)}.", logging_advice(record, 0.0, tuple(missing)))
     slowest = min(history.sample_rate_hz, *rates.values())
     if slowest < LOWEST_RATE_HZ:
-        what = "motors" if history.sample_rate_hz <= slowest else "rates"
+        of_motors = history.sample_rate_hz <= slowest
+        what = "motors" if of_motors else "rates"
         why = f"The {what} are logged at {slowest:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz are needed."
-        return _unknown(layout, why, logging_advice(record, slowest))
+        remedy = slow_motor_advice(record, slowest) if of_motors else logging_advice(record, slowest)
+        return _unknown(layout, why, remedy)
     if layout.rotors > _MOST_ROTORS:
         return _unknown(layout, f"{layout.rotors} rotors have too many orders to try.")
     parts = _parts(record, history, intervals or flights_off_ground(record))

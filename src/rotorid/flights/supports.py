@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
-from rotorid.autopilots.advice import absence, flying_advice, logging_advice, motor_advice
+from rotorid.autopilots.advice import absence, flying_advice, logging_advice, motor_advice, slow_motor_advice
 from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted, listed
@@ -631,7 +631,7 @@ def _flight_support(record: FlightRecord, model: str) -> Support | None:  # noqa
         because = f"motors at {motors.sample_rate_hz:.0f} Hz, {moved} in {flown_s:.0f} s of flight"
         return Support(possible=True, because=because, needs=needs, by="flight")
     lacks, remedy = (
-        ("rate_too_low", logging_advice(record, motors.sample_rate_hz)),
+        ("rate_too_low", slow_motor_advice(record, motors.sample_rate_hz)),
         ("rate_too_low" if sensors_hz else "missing_channel", logging_advice(record, sensors_hz, ACCELERATIONS)),
         ("no_excitation", "fly longer"),
         ("no_excitation", "fly figures at several speeds and heights"),
@@ -702,7 +702,7 @@ def _speed_support(record: FlightRecord, model: str) -> Support | None:  # noqa:
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="missing_channel")
     if rate_hz < LOWEST_RATE_HZ:
         because = f"outputs and speeds of the motors at {rate_hz:.0f} Hz; {LOWEST_RATE_HZ:.0f} Hz are needed"
-        remedy = logging_advice(record, rate_hz)
+        remedy = slow_motor_advice(record, rate_hz)
         return Support(possible=False, because=because, remedy=remedy, needs=needs, lacks="rate_too_low")
     because = f"outputs and speeds of {min(speeds.motors, outputs.motors)} motors at {rate_hz:.0f} Hz"
     return Support(possible=True, because=because, needs=needs, by="motor speeds")

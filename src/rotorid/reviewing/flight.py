@@ -238,6 +238,11 @@ def _averaged(clock: FloatArray, time_s: FloatArray, values: FloatArray) -> Floa
     return np.asarray(np.where(count > 0, means, np.interp(clock, time_s, values)))
 
 
+_HOVER = "hover for 20 s without touching the sticks"
+_NO_HOVER = "The log contains no acceleration, and too little quiet hover for its thrust curve."
+_NO_CURVE = "The log contains neither the thrust curve nor the acceleration."
+
+
 def _thrust(
     record: FlightRecord, flights: Intervals
 ) -> tuple[tuple[Quantity | None, Quantity | None], list[Unavailable]]:
@@ -250,14 +255,13 @@ def _thrust(
     unavailable: list[Unavailable] = []
     if found.hovering is None:
         why = f"The log contains {found.steady_s} s of quiet hover; {FEWEST_SECONDS} s are needed."
-        unavailable.append(
-            Unavailable(what="flight.hover_throttle", why=why, remedy="hover for 20 s without touching the sticks")
-        )
+        unavailable.append(Unavailable(what="flight.hover_throttle", why=why, remedy=_HOVER))
     ratio, why = _thrust_to_weight(record, flights, found.hovering, found.time_s, found.throttle)
     if ratio is None:
         dead = dead_accelerometer(record)
         remedy = "raise the throttle to full for half a second in a safe climb"
         remedy = CHECK_SENSORS if dead and why.startswith(dead) else remedy
+        remedy = {_NO_HOVER: _HOVER, _NO_CURVE: "log the accelerometer"}.get(why, remedy)
         unavailable.append(Unavailable(what="flight.thrust_to_weight", why=why, remedy=remedy))
     return (found.hovering, ratio), unavailable
 
@@ -265,13 +269,14 @@ def _thrust(
 def _thrust_to_weight(
     record: FlightRecord, flights: Intervals, hover: Quantity | None, time_s: FloatArray, throttle: FloatArray
 ) -> tuple[Quantity | None, str]:
-    if linearization_of(record) is not None and hover is not None and "thrust_command" in record and hover.value > 0.02:
+    curved = linearization_of(record) is not None and "thrust_command" in record
+    if curved and hover is not None and hover.value > 0.02:
         return _by_hover(record, hover), ""
     if weightless := dead_accelerometer(record):
         return None, f"{weightless}."
     stamps, az = in_air(record, "az", flights)
     if stamps.size < 50 or time_s.size < 20:
-        return None, "The log contains neither the thrust curve nor the acceleration."
+        return None, _NO_HOVER if curved and hover is None else _NO_CURVE
     # Of stamps in bursts most steps are far shorter than the samples are apart.
     step_s = even_step_s(stamps)
     size = min(max(round(_PUNCH_S / step_s), 1), stamps.size)

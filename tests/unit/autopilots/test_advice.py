@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rotorid.autopilots.advice import (
     motor_advice,
     raw_gyro_advice,
     sensor_advice,
+    slow_motor_advice,
     speed_advice,
     wind_advice,
 )
@@ -133,6 +135,13 @@ def test_what_the_firmware_lacks_or_does_already_is_not_advised(
     format, firmware, parameters = vehicle
     told = ADVICES[about](record(format, firmware, **parameters))
     assert sentence in told if sentence else not told
+
+
+def test_motors_beside_fast_rates_are_not_advised_to_be_logged_by_the_same_bit() -> None:
+    log = record("ArduPilot DataFlash", "ArduCopter V4.6.2", LOG_BITMASK=438271.0)
+    rate = Topic(name="RATE", time_s=np.arange(0.0, 1.0, 0.0025), channels=(), values=np.zeros((0, 400)))
+    assert slow_motor_advice(replace(log, topics=(rate,)), 10.0).startswith("ArduPilot writes RCOU ten times a second")
+    assert "LOG_BITMASK" in slow_motor_advice(log, 10.0)
 
 
 def test_only_firmware_with_that_mode_is_told_to_fly_it() -> None:

@@ -198,6 +198,16 @@ def test_full_thrust_that_was_too_short_is_not_told_to_be_missing() -> None:
     assert why.startswith("Throttle never exceeded 5")
 
 
+def test_a_thrust_curve_in_the_log_is_not_said_to_be_missing() -> None:
+    shaken = np.tile([0.1, 0.9], 1000)
+    columns = {"p": shaken, "thrust_command": shaken, **{f"motor_{number}": shaken for number in range(1, 5)}}
+    curve = {"MOT_THST_EXPO": 0.65, "MOT_SPIN_MIN": 0.15, "MOT_SPIN_MAX": 0.95}
+    log = record(columns, 100.0, "ArduPilot DataFlash", parameters=curve)
+    (missing,) = (one for one in flight(log)[1] if one.what == "flight.thrust_to_weight")
+    assert missing.why == "The log contains no acceleration, and too little quiet hover for its thrust curve."
+    assert missing.remedy.startswith("hover for 20 s")
+
+
 @pytest.mark.parametrize(("climbing", "ratio"), [(True, None), (False, 3.0)])
 def test_full_throttle_in_a_climb_is_no_thrust_ratio(climbing: bool, ratio: float | None) -> None:
     """A fast climb at full throttle carries one weight, as hover does at 40 %."""

@@ -33,6 +33,7 @@ _AT_LIMIT = 1.2
 
 _BATCHES = MappingProxyType({"INS_LOG_BAT_MASK": 1, "INS_LOG_BAT_OPT": 4})
 _OUTPUTS_BIT = 10
+_SLOW_OUTPUTS = "ten times a second whatever LOG_BITMASK says"
 
 _ESC_FROM = (3, 6)
 """The first copter firmware that logs what motor controllers send."""
@@ -99,10 +100,11 @@ def slow_topics(topics: Sequence[Topic], parameters: Mapping[str, float], firmwa
             yield _too_slow(name, rates[name], "warning", logging_advice(parameters, firmware.text, rates[name], rates))
     if rates.get("RCOU", LOWEST_RATE_HZ) < LOWEST_RATE_HZ:
         usable = rates.get("RATE", 0.0) >= LOWEST_RATE_HZ
-        mixer = "this firmware logs no mixer inputs" if firmware.before(RATE_FROM) else "use the mixer's inputs in RATE"
-        remedy = _limit(rates["RCOU"], parameters) or (
-            f"ArduPilot writes it ten times a second whatever LOG_BITMASK says: {mixer}"
-        )
+        remedy = _limit(rates["RCOU"], parameters)
+        if not remedy:
+            old = firmware.before(RATE_FROM)
+            mixer = "this firmware logs no mixer inputs" if old else "use the mixer's inputs in RATE"
+            remedy = f"ArduPilot writes it {_SLOW_OUTPUTS}: {mixer}"
         yield _too_slow("RCOU", rates["RCOU"], "info" if usable else "warning", remedy)
 
 
@@ -173,6 +175,12 @@ def motor_advice(parameters: Mapping[str, float]) -> str:
     if not assigned and (not parameters or "SERVO1_FUNCTION" in parameters):
         steps.append("set SERVOn_FUNCTION of the motors")
     return " and ".join(steps)
+
+
+def slow_motor_advice(rates_hz: Mapping[str, float]) -> str:
+    """Why the motors are slow although ``RATE``, whose commands a mixer turns into motors, is fast; else empty."""
+    fast = rates_hz.get("RATE", 0.0) >= LOWEST_RATE_HZ
+    return f"ArduPilot writes RCOU {_SLOW_OUTPUTS}" if fast else ""
 
 
 def speed_advice(firmware: str) -> str:

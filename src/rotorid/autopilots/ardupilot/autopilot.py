@@ -83,6 +83,12 @@ def _motors(record: FlightRecord) -> str:
     return motor_advice(record.parameters)
 
 
+def _slow_motors(record: FlightRecord, _rate_hz: float) -> str:
+    from rotorid.autopilots.ardupilot.advice import message_rates_hz, slow_motor_advice
+
+    return slow_motor_advice(message_rates_hz(record.topics))
+
+
 def _speeds(record: FlightRecord) -> str:
     from rotorid.autopilots.ardupilot.advice import speed_advice
 
@@ -166,6 +172,7 @@ ARDUPILOT = Autopilot(
         sensors=_sensors,
         raw_gyro=_raw_gyro,
         motors=_motors,
+        slow_motors=_slow_motors,
         speeds=_speeds,
         gains="log the parameters",
         gaps=_gaps,
