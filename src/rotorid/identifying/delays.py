@@ -13,7 +13,7 @@ import numpy as np
 from rotorid.data.base import Immutable
 from rotorid.data.display import counted, html_table, lines_of
 from rotorid.data.findings import Finding, refusal, warn, worst_first
-from rotorid.data.quantity import milliseconds
+from rotorid.data.quantity import milliseconds, with_ends
 from rotorid.data.record import FlightRecord
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError, UsageError
@@ -139,8 +139,15 @@ class Delays(Immutable):
         rows = []
         for name, pair in self.pairs.items():
             estimate = pair.recommended
-            rows.append((name, f"{milliseconds(estimate.delay_s, estimate.std_s)} ms", estimate.meaning))
+            rows.append((name, _with_error(estimate), estimate.meaning))
         return rows + [(f"{f.severity} {f.kind}", f.where, f.message) for f in self.findings]
+
+
+def _with_error(estimate: DelayEstimate) -> str:
+    """A delay with its deviation, or with its interval where that has no such width."""
+    if estimate.std_s is None and estimate.interval_s is not None:
+        return with_ends(*(1e3 * time_s for time_s in (estimate.delay_s, *estimate.interval_s)), unit="ms")
+    return f"{milliseconds(estimate.delay_s, estimate.std_s)} ms"
 
 
 def delay(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.unit.fitting.late_lags import INPUT, OUTPUT, RATE_HZ, late_lag, slower
@@ -208,3 +210,11 @@ def test_delays_show_themselves_in_a_few_lines(record: FlightRecord) -> None:
     assert f"{OUTPUT}/{INPUT}" in shown[1]
     assert len(shown) <= 20
     assert "<table>" in result._repr_html_()
+
+
+def test_a_delay_whose_interval_has_no_deviation_shows_the_interval(record: FlightRecord) -> None:
+    result = delay([record])
+    (pair,) = result.pairs.values()
+    without = replace(pair.recommended, delay_s=0.04875, std_s=None, interval_s=(0.0453, 0.0522))
+    shown = replace(result, pairs={"p": replace(pair, analysis=replace(pair.analysis, recommended=without))})
+    assert "49 ms (45 to 52 ms)" in repr(shown)
