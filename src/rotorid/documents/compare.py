@@ -164,7 +164,7 @@ class CompareDocument(ShownDocument):
             (name, shared.unit, label, f"{with_error(value.value, value.std)} {value.verdict or ''}".rstrip())
             for name, shared in self.parameters.items()
             for label, value in shared.values.items()
-            if value.identified
+            if value.identified and value.status != "dropped"
         ]
         return Shown(
             f"{counted(len(self.models), 'model')} compared on {counted(len(self.maneuvers), 'maneuver')}",

@@ -11,6 +11,7 @@ from tests.unit.report.verification_sample import verify_document
 
 import rotorid
 from rotorid.documents.base import to_json
+from rotorid.documents.compare import CompareDocument, ComparedParameterDocument, ComparedValueDocument
 from rotorid.documents.review import ReviewDocument, review_arrays, review_document
 from rotorid.documents.saved import load_document, save
 from rotorid.documents.track import track_document
@@ -82,6 +83,16 @@ def test_a_verification_shows_the_verdict_on_each_maneuver() -> None:
     assert words.splitlines()[0].endswith("on 1 unseen maneuver")
     assert document.maneuvers[0].verdict in words
     assert document._repr_html_().count("<tr>") == len(words.splitlines())
+
+
+def test_a_dropped_parameter_is_no_zero_in_a_comparison() -> None:
+    values = {
+        "a": ComparedValueDocument(value=-1.0, std=0.1, status="free"),
+        "b": ComparedValueDocument(value=0.0, std=None, status="dropped"),
+    }
+    shared = ComparedParameterDocument(unit="1/s", values=values)
+    document = CompareDocument.model_construct(models=[], parameters={"L_p": shared}, maneuvers=[], findings=[])
+    assert [line.split()[:3] for line in repr(document).splitlines()[1:]] == [["L_p", "1/s", "a"]]
 
 
 def test_what_is_no_result_or_document_is_refused_in_words(tmp_path: Path) -> None:
