@@ -483,11 +483,12 @@ def _dropouts(dropouts: Sequence[tuple[float, float]], parameters: Mapping[str, 
         return
     total_s = sum(duration for _, duration in dropouts)
     at_s, longest_s = max(dropouts, key=lambda drop: drop[1])
+    several = f"data {len(dropouts)} times, {total_s:.3f} s in all and {longest_s:.3f} s at most,"
+    lost = f"The logger lost {f'{total_s:.3f} s of data' if len(dropouts) == 1 else several}"
     yield (warn if longest_s > 0.0 else remark)(
         "gap",
         "logger",
-        f"The logger lost data {len(dropouts)} times, {total_s:.3f} s in all and {longest_s:.3f} s at most, at "
-        f"{at_s:.2f} s. {capital(gap_advice(parameters))}.",
+        f"{lost} at {at_s:.2f} s. {capital(gap_advice(parameters))}.",
         dropouts=len(dropouts),
         lost_s=total_s,
         longest_s=longest_s,

@@ -202,6 +202,7 @@ def test_dropouts_parameters_and_firmware_are_kept(tmp_path: Path) -> None:
     assert record.source.firmware == "PX4 1.14.2"
     (gap,) = (finding for finding in record.findings if finding.kind == "gap")
     assert gap.numbers["lost_s"] == 0.25
+    assert gap.message.startswith("The logger lost 0.250 s of data at ")
 
 
 def debug(letters: str, published: Sequence[tuple[str, float]], kind: str = "char") -> bytes:
