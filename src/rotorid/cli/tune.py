@@ -264,8 +264,8 @@ def _print_check(document: TuneCheckDocument, folder: Path, *, verbose: bool = F
 
     from rotorid.documents.tune_check import METHODS, compared_words
     from rotorid.report.frame import frequency_of
-    from rotorid.report.loop_words import loop_words
     from rotorid.report.tune_words import row_numbers, row_words
+    from rotorid.tuning.kinds import loop_words
 
     console, unit = output_console(), frequency_of(document.provenance.inputs)
     for axis, checked in document.axes.items():

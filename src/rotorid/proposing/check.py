@@ -38,7 +38,7 @@ from rotorid.results.model import IdentifiedModel, Records
 from rotorid.results.provenance import Provenance
 from rotorid.settings.option import as_settings
 from rotorid.tuning.bands import BAND_OVER_CROSSOVER
-from rotorid.tuning.kinds import KINDS
+from rotorid.tuning.kinds import KINDS, LOOP_WORDS, loop_words
 from rotorid.tuning.loops import Gains
 from rotorid.typing import ComplexArray, FloatArray, LoopName
 
@@ -57,8 +57,6 @@ WIDEST_PHASE_DEG = 6.0
 
 _PEAK_SLACK = 1.03
 """Sensitivity peak relative to the requested limit, up to which a loop counts as robust."""
-
-_LOOP = {"rate": "rate loop", "whole": "with angle loop"}
 
 _SWEEPS: Mapping[LoopName, str] = {
     "velocity": "Fly a longer sweep of roll and pitch",
@@ -285,7 +283,7 @@ def _checked(axis: LoopName, before: Foretold, now: AxisTuning, injected: Mappin
         for name, measured in injected.items()
         if name in before.whole
     ]
-    figures.sort(key=lambda figure: (list(_LOOP).index(figure.loop), COMPARED.index(figure.name)))
+    figures.sort(key=lambda figure: (list(LOOP_WORDS).index(figure.loop), COMPARED.index(figure.name)))
     logged = {name: value for name, (value, _) in now.parameters.items()}
     gains = _which(before, logged)
     unstable = not contradicted and not bool(np.median(judged.rate.stable * judged.whole.stable))
@@ -431,7 +429,7 @@ _COMPUTED: Mapping[LoopName, str] = {
 
 
 def _named(axis: LoopName, figures: Sequence[ComparedFigure]) -> str:
-    words = {loop: KINDS[axis].worded(sentence) for loop, sentence in _LOOP.items()}
+    words = loop_words(axis)
     return ", ".join(f"{QUANTITIES[figure.name].words} ({words[figure.loop]})" for figure in figures)
 
 

@@ -8,21 +8,7 @@ from types import MappingProxyType
 from rotorid.tuning.kinds import KINDS
 from rotorid.typing import LoopName
 
-LOOP_WORDS: Mapping[str, str] = MappingProxyType({"rate": "rate loop", "whole": "with angle loop"})
-"""What each loop of an axis is called in tables."""
-
 _MOTIONS: Mapping[LoopName, str] = MappingProxyType({"yaw": "turns", "velocity": "moves", "climb": "lifts or drops"})
-
-
-def loop_words(axis: LoopName) -> Mapping[str, str]:
-    """What both loops of an axis, or of an outer loop, are called in tables.
-
-    Examples
-    --------
-    >>> loop_words("velocity")["whole"], loop_words("roll")["whole"]
-    ('with position loop', 'with angle loop')
-    """
-    return {loop: KINDS[axis].worded(words) for loop, words in LOOP_WORDS.items()}
 
 
 def both_loops(axis: LoopName) -> str:

@@ -28,7 +28,7 @@ from rotorid.proposing.steps import step_times_s
 from rotorid.report.filters import choice_picture, choice_rows, choice_sentence
 from rotorid.report.findings import finding_rows
 from rotorid.report.frame import Picture, drawn, in_all_units, over_frequency, render
-from rotorid.report.loop_words import answer_of, is_outer, loop_words
+from rotorid.report.loop_words import answer_of, is_outer
 from rotorid.report.tune_words import (
     PATH_MARGINS,
     balance_sentence,
@@ -51,6 +51,7 @@ from rotorid.report.tune_words import (
     verdict_sentence,
 )
 from rotorid.tuning.judging import VERDICT_NAMES, Verdict
+from rotorid.tuning.kinds import loop_words
 from rotorid.tuning.loops import quantities
 from rotorid.tuning.noise import RateNoise
 from rotorid.typing import ComplexArray, FloatArray, LoopName

@@ -21,9 +21,9 @@ from rotorid.documents.tune import (
 from rotorid.models.autopilots.gains import letter_of
 from rotorid.models.autopilots.outer import outer_loop_of
 from rotorid.plot.curves import Frequency
-from rotorid.report.loop_words import amplified, both_loops, is_outer, loop_words, motion_of, shaking
+from rotorid.report.loop_words import amplified, both_loops, is_outer, motion_of, shaking
 from rotorid.tuning.judging import Verdict
-from rotorid.tuning.kinds import KINDS
+from rotorid.tuning.kinds import KINDS, loop_words
 from rotorid.tuning.proposal import Wishes
 from rotorid.typing import LoopName
 

@@ -96,3 +96,17 @@ KINDS: Mapping[LoopName, LoopKind] = MappingProxyType(
     {"roll": _TILT, "pitch": _TILT, "yaw": _YAW, "velocity": _VELOCITY, "climb": _CLIMB}
 )
 """The kind of every loop that is tuned."""
+
+LOOP_WORDS: Mapping[str, str] = MappingProxyType({"rate": "rate loop", "whole": "with angle loop"})
+"""What each loop of an axis is called in tables."""
+
+
+def loop_words(axis: LoopName) -> Mapping[str, str]:
+    """What both loops of an axis, or of an outer loop, are called in tables.
+
+    Examples
+    --------
+    >>> loop_words("velocity")["whole"], loop_words("roll")["whole"]
+    ('with position loop', 'with angle loop')
+    """
+    return {loop: KINDS[axis].worded(words) for loop, words in LOOP_WORDS.items()}
