@@ -36,7 +36,6 @@ from rotorid.flying.vehicle_numbers import (
     MOTION,
     SAME,
     SCALED,
-    TERMS,
     UNITS,
     Source,
     VehicleNumber,
@@ -44,7 +43,8 @@ from rotorid.flying.vehicle_numbers import (
     number_words,
 )
 from rotorid.models.families import family_of
-from rotorid.models.motors import CURVE_TERMS, SCALES, Curve
+from rotorid.models.flight import CURVE_TERMS
+from rotorid.models.motors import SCALES, TERMS_OF_CURVE, Curve
 from rotorid.models.rotors import RotorLayout
 from rotorid.planning.responses import answers_setpoints
 
@@ -140,7 +140,7 @@ def joined_numbers(
     parts += [_of_motors(model, known, mass) for model in others]
     ordered = [*scaled, *others]
     numbers = _thrust(ordered, parts, known)
-    for name in dict.fromkeys(key for part in parts for key in part if key not in TERMS):
+    for name in dict.fromkeys(key for part in parts for key in part if key not in CURVE_TERMS):
         numbers[name] = combined(name, [part[name] for part in parts if name in part], known)
     for name, number in _of_hover(models, numbers, known).items():
         numbers[name] = combined(name, [*([numbers[name]] if name in numbers else []), number], known)
@@ -179,15 +179,15 @@ def _of_hover(
             for name, number in numbers_of_hover(model, known).items():
                 found.setdefault(name, []).append(number)
     left_out = {"arm"}
-    if any(term in numbers for term in TERMS):
-        left_out |= {*TERMS, "speed_max"}
+    if any(term in numbers for term in CURVE_TERMS):
+        left_out |= {*CURVE_TERMS, "speed_max"}
     if any(name in numbers for name in ("kappa", "I_zz", "kappa_per_I_zz")):
         left_out |= {"kappa", "I_zz", "kappa_per_I_zz"}
     if any(name in numbers for name in ("h", "h_per_I_zz")):
         left_out |= {"h"}
     if any(name in numbers for name in ("disc_area",)):
         left_out |= {"disc_area"}
-    alone = {name: parts[:1] if name in (*TERMS, "speed_max") else parts for name, parts in found.items()}
+    alone = {name: parts[:1] if name in (*CURVE_TERMS, "speed_max") else parts for name, parts in found.items()}
     return {name: combined(name, parts, known) for name, parts in alone.items() if name not in left_out}
 
 
@@ -297,7 +297,7 @@ def _thrust(
         for model, part in zip(models, parts, strict=True)
         if model.motors is not None and {*_terms(model, model.motors)} <= set(part)
     ]
-    if not flown or set(TERMS) <= set(known):
+    if not flown or set(CURVE_TERMS) <= set(known):
         return {}
     first, part = flown[0]
     assert first.motors is not None
@@ -308,7 +308,7 @@ def _thrust(
             raise _conflict("the curve of thrust", "", (first.motors.curve, label_of(first)), model)
     absent = {
         name: VehicleNumber(value=0.0, unit="N", source="derived", of=f"a {first.motors.curve} curve")
-        for name in TERMS
+        for name in CURVE_TERMS
         if name not in terms
     }
     if len(flown) == 1:
@@ -320,11 +320,15 @@ def _thrust(
 
 def _terms(model: IdentifiedModel, motors: MotorPhysics) -> tuple[str, ...]:
     """Coefficients of the curve of a result; the physics of flight has those that its flights show."""
-    return CURVE_TERMS[_curve(motors)] if model.flight is None else tuple(n for n in TERMS if n in model.parameters)
+    return (
+        TERMS_OF_CURVE[_curve(motors)]
+        if model.flight is None
+        else tuple(n for n in CURVE_TERMS if n in model.parameters)
+    )
 
 
 def _curve(motors: MotorPhysics) -> Curve:
-    return motors.curve if motors.curve in CURVE_TERMS else "polynomial"  # type: ignore[return-value]
+    return motors.curve if motors.curve in TERMS_OF_CURVE else "polynomial"  # type: ignore[return-value]
 
 
 def _at_voltage(part: Mapping[str, VehicleNumber], volts: float | None) -> dict[str, VehicleNumber]:
@@ -334,7 +338,7 @@ def _at_voltage(part: Mapping[str, VehicleNumber], volts: float | None) -> dict[
     return {
         name: replace(number, value=factor * number.value, std=None if number.std is None else factor * number.std)
         for name, number in part.items()
-        if name in TERMS
+        if name in CURVE_TERMS
     }
 
 

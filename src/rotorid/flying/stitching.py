@@ -45,6 +45,7 @@ from rotorid.results.provenance import Provenance, hashes, logged
 from rotorid.settings.given_controllers import GivenController
 from rotorid.settings.option import as_settings
 from rotorid.signal.clock import resample
+from rotorid.signal.excitations import ATTITUDE_SETPOINTS
 from rotorid.simulation.stitched import (
     FORCES,
     MOTIONS,
@@ -82,11 +83,6 @@ _OWN: Mapping[str, tuple[str, ...]] = {
 _TRIM_CONSTANTS = {"u": "U0", "v": "V0", "w": "W0", "phi": "phi0", "theta": "theta0"}
 _COMPARED_STATES = ("u", "v", "w", "phi", "theta", "p", "q", "r")
 _FLOWN: tuple[Axis, ...] = ("roll", "pitch", "yaw")
-
-_ANGLES: Mapping[Axis, str] = {"roll": "phi_setpoint", "pitch": "theta_setpoint"}
-"""What drives a loop in the simulation. Whether its controller is the one that flew shows at the rate, because the
-integral of a rate is no angle over a flight. Yaw follows its rate, since a heading that is held moves with the stick.
-"""
 
 _SHORTEST_S = 5.0
 """A log that flies for less is not flown through the speeds."""
@@ -583,7 +579,9 @@ def _closed_axes(
             raise _unflown(record, no_controller(flying, [axis]))
         loop, setpoint, _ = found
         findings += doubts_of(flying, axis, found)[1]
-        angle = _ANGLES.get(axis, "")
+        # Whether its controller is the one that flew shows at the rate, because the integral of a rate is no angle over
+        # a flight. Yaw follows its rate, since a heading that is held moves with the stick.
+        angle = ATTITUDE_SETPOINTS.get(axis, "")
         if loop.controller.angle_1_s and angle in history.names:
             loop, setpoint = replace(loop, driven="angle", setpoint=history[angle]), angle
         controller = stepped(loop.controller, step_s=1.0 / step_hz, driven=loop.driven)

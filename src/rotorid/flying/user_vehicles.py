@@ -23,7 +23,8 @@ from rotorid.flying.vehicle_air import PLACE
 from rotorid.flying.vehicle_answers import ANSWERS, answer_remarks, answering, delays_of
 from rotorid.flying.vehicle_from_results import JoinedVehicle, joined_vehicle, require
 from rotorid.flying.vehicle_hover import curve_through, knows_hover
-from rotorid.flying.vehicle_numbers import MOTION, TERMS, UNITS, VehicleNumber
+from rotorid.flying.vehicle_numbers import MOTION, UNITS, VehicleNumber
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.models.rotors import RotorLayout, named_by
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.autopilot import Autopilot, Three
@@ -89,7 +90,7 @@ class OwnVehicle(Immutable):
     def has_thrust_slope(self) -> bool:
         """Whether thrust is known by its slope alone, from what a command of it makes, and hover is assumed."""
         numbers = self.joined.numbers
-        return not self.has_motors and any(numbers[term].source == "derived" for term in TERMS if term in numbers)
+        return not self.has_motors and any(numbers[term].source == "derived" for term in CURVE_TERMS if term in numbers)
 
 
 def numbers_of(craft: Aircraft) -> dict[str, VehicleNumber]:

@@ -24,8 +24,9 @@ from rotorid.data.quantity import with_error
 from rotorid.data.record import AXES
 from rotorid.errors import ModelError
 from rotorid.flying.vehicle_hover import knows_hover
-from rotorid.flying.vehicle_numbers import AGREEMENT_SIGMAS, TERMS, UNITS, VehicleNumber, label_of
+from rotorid.flying.vehicle_numbers import AGREEMENT_SIGMAS, UNITS, VehicleNumber, label_of
 from rotorid.models.families import family_of
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.planning.responses import answers_setpoints
 from rotorid.simulation.autopilot import Autopilot
 from rotorid.simulation.linearization import hover_derivatives_of
@@ -101,7 +102,9 @@ def answering(
     known = control_numbers([model for model in models if not knows_hover(model)])
     found: dict[str, VehicleNumber] = {}
     joined = made(found)
-    if THRUST in known and all(joined.numbers[term].source == "default" for term in TERMS if term in joined.numbers):
+    if THRUST in known and all(
+        joined.numbers[term].source == "default" for term in CURVE_TERMS if term in joined.numbers
+    ):
         found |= _thrust(joined, craft_of(joined), known[THRUST], usual["m"].of)
     for axis, (moment, control) in ANSWERS.items():
         if control not in known:
@@ -139,7 +142,7 @@ def _thrust(joined: JoinedVehicle, craft: Aircraft, wanted: VehicleNumber, like:
         term: VehicleNumber(
             value=factor * value, unit=UNITS[term], source="derived", std=share * abs(factor * value) or None, of=of
         )
-        for term, value in zip(TERMS, rotors.thrust, strict=True)
+        for term, value in zip(CURVE_TERMS, rotors.thrust, strict=True)
     }
 
 
@@ -160,7 +163,7 @@ def _moment(
     """The number that makes the ratio of moment and inertia that of the result, which is smaller by a ratio."""
     numbers, like = joined.numbers, usual["m"].of
     lever = "kappa" if axis == "yaw" else "arm"
-    known_thrust = any(numbers[term].source != "default" for term in TERMS if term in numbers)
+    known_thrust = any(numbers[term].source != "default" for term in CURVE_TERMS if term in numbers)
     thrust = [] if known_thrust else [f"thrust of {like}"]
     share = abs((wanted.std or 0.0) / wanted.value)
 

@@ -28,7 +28,6 @@ from rotorid.flying.vehicle_numbers import (
     PRODUCTS,
     SAME,
     SCALED,
-    TERMS,
     UNITS,
     VehicleNumber,
     given_number,
@@ -36,7 +35,7 @@ from rotorid.flying.vehicle_numbers import (
     require_given,
 )
 from rotorid.flying.vehicle_ratios import ANY_SPEED_RAD_S, fill_momentum, fill_yaw, turning_as_flown
-from rotorid.models.flight import AIR_DENSITY_KG_M3
+from rotorid.models.flight import AIR_DENSITY_KG_M3, CURVE_TERMS
 from rotorid.models.motors import SCALES, yaw_range
 from rotorid.models.rotors import RotorLayout
 from rotorid.simulation.linearization import hover_slopes
@@ -168,7 +167,7 @@ def require(vehicle: JoinedVehicle, *names: str, target: str) -> Multirotor:
     """
     known = vehicle.numbers
     missing = [name for name in dict.fromkeys((*names, *BODY)) if name not in known]
-    if not any(name in known for name in TERMS):
+    if not any(name in known for name in CURVE_TERMS):
         missing.append("c_1")
     if vehicle.multirotor is not None and not missing:
         return vehicle.multirotor
@@ -308,7 +307,7 @@ def _usual(numbers: Mapping[str, VehicleNumber], usual: Mapping[str, VehicleNumb
     The momentum of a rotor may follow from what is filled in here, and comes after it.
     """
     found = {name: number for name, number in usual.items() if name not in numbers and name != "h"}
-    follows = set(TERMS) if any(term in numbers for term in TERMS) else set()
+    follows = set(CURVE_TERMS) if any(term in numbers for term in CURVE_TERMS) else set()
     if "kappa_per_I_zz" in numbers:
         follows |= {"kappa", "I_zz"} if "kappa" in numbers or "I_zz" in numbers else {"I_zz"}
     return {name: number for name, number in found.items() if name not in follows}
@@ -323,14 +322,14 @@ def _multirotor(
     density_kg_m3: float,
 ) -> Multirotor | None:
     """The rigid body, where everything that it needs is known; what its rotors do about hover goes to the numbers."""
-    curve = any(term in numbers for term in TERMS)
+    curve = any(term in numbers for term in CURVE_TERMS)
     if rotors is None or not rotors.arm_known or not curve or not set(BODY) <= set(numbers):
         return None
     value = {key: number.value for key, number in numbers.items()}
     inertia = np.diag([value[key] for key in INERTIA])
     for key, (i, j) in PRODUCTS.items():
         inertia[i, j] = inertia[j, i] = value.get(key, 0.0)
-    c_0, c_1, c_2 = (value.get(term, 0.0) for term in TERMS)
+    c_0, c_1, c_2 = (value.get(term, 0.0) for term in CURVE_TERMS)
     body = Multirotor(
         name=name,
         mass_kg=value["m"],

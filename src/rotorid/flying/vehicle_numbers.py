@@ -16,6 +16,7 @@ from rotorid.flying.vehicle_air import (
     AIR_UNITS,
     PLACE,
 )
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.models.parameter import no_such
 
 if TYPE_CHECKING:
@@ -91,9 +92,7 @@ INERTIA = ("I_xx", "I_yy", "I_zz")
 
 PRODUCTS: Mapping[str, tuple[int, int]] = {"I_xy": (0, 1), "I_xz": (0, 2), "I_yz": (1, 2)}
 
-TERMS = ("c_0", "c_1", "c_2")
-
-SCALED = ("m", *TERMS, "I_xx", "I_yy")
+SCALED = ("m", *CURVE_TERMS, "I_xx", "I_yy")
 
 BODY = ("m", "I_xx", "I_yy", "I_zz", "kappa", "arm")
 

@@ -12,12 +12,12 @@ from rotorid.errors import UsageError
 from rotorid.flying.vehicle_numbers import (
     AGREEMENT_SIGMAS,
     INERTIA,
-    TERMS,
     UNITS,
     Source,
     VehicleNumber,
     label_of,
 )
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.models.rotors import RotorLayout
 from rotorid.simulation.multirotor import Rotors
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -119,9 +119,9 @@ def _lead_of(model: IdentifiedModel) -> VehicleNumber | None:
 
 def _hover_slope_n(numbers: Mapping[str, VehicleNumber], rotors: RotorLayout | None) -> float | None:
     """Slope of thrust by output in hover, in newtons, where mass, curve and rotors are known."""
-    if "m" not in numbers or not any(term in numbers for term in TERMS) or rotors is None or not rotors.arm_known:
+    if "m" not in numbers or not any(term in numbers for term in CURVE_TERMS) or rotors is None or not rotors.arm_known:
         return None
-    c_0, c_1, c_2 = (numbers[term].value if term in numbers else 0.0 for term in TERMS)
+    c_0, c_1, c_2 = (numbers[term].value if term in numbers else 0.0 for term in CURVE_TERMS)
     weight_n = numbers["m"].value * STANDARD_GRAVITY_M_S2
     return c_1 + 2.0 * c_2 * Rotors(layout=rotors, thrust=(c_0, c_1, c_2)).share_of(weight_n / rotors.rotors)
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.record import FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
@@ -50,7 +51,6 @@ _MEASURED = re.compile(
 )
 """Channels of sensors and estimators of motion: what a model answers with. Commands, set-points and motors are none."""
 
-_ANGLES = ("phi", "theta", "psi")
 _LOST = 0.05
 _SHIFTED = 3.0
 
@@ -153,7 +153,7 @@ def rms_of_channels(
             values = topic.values[row, inside]
             values = values[np.isfinite(values)]
             if values.size > 1:
-                whole = np.unwrap(values) if channel.name in _ANGLES else values
+                whole = np.unwrap(values) if channel.name in ATTITUDE else values
                 found[channel.name] = float(np.std(whole))
     return found
 

@@ -19,7 +19,7 @@ from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
 from rotorid.identifying.motors import straightening_of
 from rotorid.models.flight import FLIGHT_PARAMETERS, INERTIA
-from rotorid.models.motors import CURVE_TERMS
+from rotorid.models.motors import TERMS_OF_CURVE
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
     Checks,
@@ -251,7 +251,7 @@ _OF_RESULT = ("thrust_coefficient", "thrust_slope", "speed", "induced_velocity",
 def _curve(fitted: FittedFlight) -> str:
     """The thrust curve by its terms; one with several is a polynomial."""
     terms = {name for name in ("c_0", "c_1", "c_2") if fitted.fit.values.get(name, 0.0) != 0.0}
-    return next((curve for curve, names in CURVE_TERMS.items() if set(names) == terms), "polynomial")
+    return next((curve for curve, names in TERMS_OF_CURVE.items() if set(names) == terms), "polynomial")
 
 
 def _excited(fitted: FittedFlight, number: int) -> ExcitedFlight:

@@ -21,7 +21,7 @@ from rotorid.flights.flights import Flight
 from rotorid.flights.motor_data import MotorData, motor_data
 from rotorid.flights.selection import Selection
 from rotorid.identifying.methods import FitReport
-from rotorid.models.motors import CURVE_TERMS, DELAYS, scale_of
+from rotorid.models.motors import DELAYS, TERMS_OF_CURVE, scale_of
 from rotorid.results.model import FittedData, Verifications, no_response
 from rotorid.results.summary import (
     Checks,
@@ -128,7 +128,7 @@ class Motors:
 def _expected(found: Combination, fitted: FittedMotors) -> bool:
     """Whether a combination needs no words: terms of one curve, and delays that are nearly none."""
     names = set(found.vector)
-    curve = fitted.curve == "polynomial" and names <= set(CURVE_TERMS["polynomial"])
+    curve = fitted.curve == "polynomial" and names <= set(TERMS_OF_CURVE["polynomial"])
     return curve or names <= {*DELAYS}
 
 

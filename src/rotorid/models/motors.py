@@ -37,6 +37,7 @@ from rotorid.data.quantity import TWO_SIDED_95
 from rotorid.data.record import MotorRecord
 from rotorid.errors import ModelError, nearest_name
 from rotorid.models.expression import Expression
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.models.parameter import Parameter, ParameterSet
 from rotorid.models.physical import check_inertia
 from rotorid.models.thrust_curve import PolynomialCurve
@@ -46,11 +47,11 @@ from rotorid.units import STANDARD_GRAVITY_M_S2
 Curve: TypeAlias = Literal["linear", "quadratic", "affine", "polynomial"]
 """Thrust of a rotor: ``c_1 x``, ``c_2 x^2``, ``c_0 + c_1 x``, or all three."""
 
-CURVE_TERMS: Mapping[Curve, tuple[str, ...]] = {
+TERMS_OF_CURVE: Mapping[Curve, tuple[str, ...]] = {
     "linear": ("c_1",),
     "quadratic": ("c_2",),
     "affine": ("c_0", "c_1"),
-    "polynomial": ("c_0", "c_1", "c_2"),
+    "polynomial": CURVE_TERMS,
 }
 """Coefficients of each curve."""
 
@@ -171,7 +172,7 @@ def motor_parameters(
     _require(fixed, curve)
     if scale_of(fixed, axes) is None:
         fixed["m"] = 1.0
-    names = ["m", *CURVE_TERMS[curve]]
+    names = ["m", *TERMS_OF_CURVE[curve]]
     names += [name for axis in ("p", "q", "r", "az", "x", "y") if axis in axes for name in _OF_AXIS[axis]]
     names += [SPIN_UP] if "r" in axes and (spin_up or SPIN_UP in fixed) else []
     # Without a lag a delay to samples of the force moves whole samples or nothing.
@@ -240,9 +241,9 @@ def _require(fixed: Mapping[str, float], curve: Curve) -> None:
             )
         if name in POSITIVE and not value > 0.0:
             raise ModelError(f"the known {name} = {value:g} is not possible", needed="a positive number")
-        if name.startswith("c_") and name not in CURVE_TERMS[curve]:
+        if name.startswith("c_") and name not in TERMS_OF_CURVE[curve]:
             raise ModelError(f"a {curve} curve has no {name}", remedy="choose another curve")
-    if any(name in fixed for name in CURVE_TERMS[curve]) and not _lifts(fixed, curve):
+    if any(name in fixed for name in TERMS_OF_CURVE[curve]) and not _lifts(fixed, curve):
         raise ModelError(
             "the known thrust lifts nothing",
             needed="coefficients that add up to a positive thrust",
@@ -253,7 +254,7 @@ def _require(fixed: Mapping[str, float], curve: Curve) -> None:
 
 def _lifts(fixed: Mapping[str, float], curve: Curve) -> bool:
     """Whether known coefficients leave a rotor that lifts at full output, as far as all of them are known."""
-    terms = CURVE_TERMS[curve]
+    terms = TERMS_OF_CURVE[curve]
     return not set(terms) <= set(fixed) or sum(fixed[name] for name in terms) > 0.0
 
 
@@ -271,7 +272,6 @@ _GYRATION = (0.05, 1.5)
 """Inertia over mass by the mean square of the lever that is plausible."""
 
 _AIR_DENSITY_KG_M3 = 1.225
-_TERMS = ("c_0", "c_1", "c_2")
 _IDLE = 0.05
 """Share of full output below which a motor idles, on the ground or for a moment."""
 
@@ -475,9 +475,9 @@ def _gyration(values: Mapping[str, float], levers: FloatArray) -> list[Finding]:
 
 
 def _curve(values: Mapping[str, float]) -> PolynomialCurve | None:
-    if not any(name in values for name in _TERMS):
+    if not any(name in values for name in CURVE_TERMS):
         return None
-    return PolynomialCurve(coefficients=tuple(values.get(name, 0.0) for name in _TERMS))
+    return PolynomialCurve(coefficients=tuple(values.get(name, 0.0) for name in CURVE_TERMS))
 
 
 def _rising(
@@ -501,9 +501,9 @@ def _rising(
 
 def _slope_std(outputs: FloatArray, covariance: Mapping[tuple[str, str], float]) -> FloatArray:
     """Standard deviation of the slope of the curve at some outputs."""
-    powers = range(1, len(_TERMS))
+    powers = range(1, len(CURVE_TERMS))
     slopes = np.stack([power * outputs ** (power - 1) for power in powers])
-    spread = np.array([[_of_pair(covariance, _TERMS[a], _TERMS[b]) for b in powers] for a in powers])
+    spread = np.array([[_of_pair(covariance, CURVE_TERMS[a], CURVE_TERMS[b]) for b in powers] for a in powers])
     return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", slopes, spread, slopes), 0.0)))
 
 

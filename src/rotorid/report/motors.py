@@ -12,7 +12,7 @@ from rotorid.data.quantity import MISSING, milliseconds, significant, unit, with
 from rotorid.documents.result import ResultDocument
 from rotorid.fits.motors.motion import CHANNELS
 from rotorid.fitting.motors.excitation import LEAST_CORRELATION
-from rotorid.models.flight import speeds_of_outputs
+from rotorid.models.flight import CURVE_TERMS, speeds_of_outputs
 from rotorid.plot.figure import quantity
 from rotorid.plot.motors import made_by_motors, rotor_layout, thrust_curve
 from rotorid.report.frame import Picture, drawn
@@ -208,7 +208,6 @@ def unseen_rows(records: Mapping[str, Mapping[str, Scores]]) -> tuple[UnseenRow,
 
 _POINTS = 201
 _BEYOND = 1.15
-_TERMS = {"c_0": 0, "c_1": 1, "c_2": 2}
 _OUTPUTS = {
     "output": "motor outputs from 0 to 1",
     "thrust_demand": "thrust commands of the mixer to each motor, from 0 to 1",
@@ -328,7 +327,7 @@ def curve_with_error(document: ResultDocument, outputs: FloatArray) -> tuple[Flo
     outputs
         Shape ``(n,)``.
     """
-    rows = {name: outputs**power for name, power in _TERMS.items()}
+    rows = {name: outputs**power for power, name in enumerate(CURVE_TERMS)}
     if (flight := document.flight) is not None:
         induced, speed = (flight.hover[name].value for name in ("induced_velocity", "speed"))
         values = {name: estimate.value for name, estimate in document.parameters.items()}

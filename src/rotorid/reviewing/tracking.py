@@ -25,6 +25,7 @@ from functools import partial
 import numpy as np
 
 from rotorid.autopilots.advice import logging_advice
+from rotorid.data.axes import ATTITUDE, RATES
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.errors import InsufficientDataError
 from rotorid.flights.whole_flights import LEAST_MOTION_S, FlightData
@@ -48,8 +49,7 @@ _OUTER_OF_RATES_RAD_S = 10.0
 _TRACE_S = 20.0
 """Length of the part that a page draws: the liveliest one."""
 
-_ANGLES = ("phi", "theta", "psi")
-_TRACKED = ("p", "q", "r", *_ANGLES)
+_TRACKED = (*RATES, *ATTITUDE)
 
 
 def tracking(flight: FlightData) -> tuple[dict[str, TrackingReview], tuple[Unavailable, ...]]:
@@ -90,7 +90,7 @@ def _tracked(flight: FlightData, loop: Loop) -> tuple[TrackingReview | None, lis
         )
     asked, made = (np.concatenate([piece[place] for piece in pieces]) for place in (1, 2))
     error = asked - made
-    unit = "rad" if loop.name in _ANGLES else "rad/s"
+    unit = "rad" if loop.name in ATTITUDE else "rad/s"
     suffix = unit.replace("/", "_")
     numbers = {
         f"error_rms_{suffix}": _jackknife(error, lambda part: math.sqrt(float(np.mean(part**2))), unit),
@@ -123,7 +123,7 @@ def _pieces(flight: FlightData, loop: Loop, rate_hz: float) -> list[_Piece]:
         clock = np.arange(max(stamps[0], other[0]), min(stamps[-1], other[-1]), 1.0 / rate_hz)
         if clock.size < 2.0 * rate_hz:
             continue
-        turning = loop.name in _ANGLES
+        turning = loop.name in ATTITUDE
         # Straight lines for both, so that neither is later than the other by how it is read.
         wanted, moved = (
             np.interp(clock, at, np.unwrap(values) if turning else values)

@@ -121,10 +121,10 @@ class MotorSettings(Settings):
         for name, length_m in (("--arm", self.arm_m), ("--rotor-diameter", self.rotor_diameter_m)):
             if length_m is not None and not length_m > 0.0:
                 raise UsageError(f"{name} {length_m:g} m is not positive")
-        from rotorid.models.motors import CURVE_TERMS
+        from rotorid.models.motors import TERMS_OF_CURVE
 
-        if self.curve not in ("auto", *CURVE_TERMS):
-            raise unknown_name("curve", self.curve, ("auto", *CURVE_TERMS))
+        if self.curve not in ("auto", *TERMS_OF_CURVE):
+            raise unknown_name("curve", self.curve, ("auto", *TERMS_OF_CURVE))
 
 
 def motor_settings(settings: IdentifySettings) -> MotorSettings:

@@ -32,7 +32,7 @@ import numpy as np
 
 from rotorid.autopilots.filters import combined_response
 from rotorid.autopilots.registry import autopilot_of
-from rotorid.data.axes import RATE_OF
+from rotorid.data.axes import ANGLE_OF, RATE_OF
 from rotorid.data.base import Immutable, cached_by_value
 from rotorid.data.display import capital
 from rotorid.data.record import FlightRecord, Intervals
@@ -677,7 +677,7 @@ class _Slow(NamedTuple):
 
 def _attitude_swing(record: FlightRecord, axis: Axis, flights: Intervals, power: _Power) -> _Slow | None:
     """A slow swing of roll or pitch; ``None`` where there is none, or the log does not have both angles."""
-    angle, setpoint = (_samples(record, f"{_ANGLES[axis]}{end}", flights) for end in ("", "_setpoint"))
+    angle, setpoint = (_samples(record, f"{ANGLE_OF[axis]}{end}", flights) for end in ("", "_setpoint"))
     if axis == "yaw" or angle is None or setpoint is None:
         return None
     error = _Samples(angle.time_s, angle.values - setpoint.at(angle.time_s), angle.source)
@@ -691,9 +691,6 @@ def _attitude_swing(record: FlightRecord, axis: Axis, flights: Intervals, power:
         return None
     frequency_hz = _frequency_hz(record, angle, line.frequency_hz, axis, flights)
     return _Slow(frequency_hz, float(np.median(parts)), line.share)
-
-
-_ANGLES: Mapping[Axis, str] = {"roll": "phi", "pitch": "theta", "yaw": "psi"}
 
 
 def _frequency_hz(
@@ -755,7 +752,7 @@ def _strength(samples: _Samples, frequency_hz: float, slow_hz: float) -> float:
 
 def _by_kinematics(record: FlightRecord, axis: Axis, images_hz: Sequence[float], flights: Intervals) -> float | None:
     """The image whose rate over angle is that of the log; ``None`` where they are not logged, or fit none of them."""
-    rate, angle = (_samples(record, name, flights) for name in (RATE_OF[axis], _ANGLES[axis]))
+    rate, angle = (_samples(record, name, flights) for name in (RATE_OF[axis], ANGLE_OF[axis]))
     if rate is None or angle is None or axis == "yaw":
         return None
     filters = known_filters(record, rate.source)

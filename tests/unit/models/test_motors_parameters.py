@@ -9,14 +9,14 @@ from typing import cast
 import pytest
 
 from rotorid.errors import ModelError
-from rotorid.models.motors import CURVE_TERMS, SCALES, Curve, motor_parameters
+from rotorid.models.motors import SCALES, TERMS_OF_CURVE, Curve, motor_parameters
 from rotorid.models.parameter import check_unit
 
 
-@pytest.mark.parametrize("curve", list(CURVE_TERMS))
+@pytest.mark.parametrize("curve", list(TERMS_OF_CURVE))
 def test_curves_have_their_coefficients(curve: Curve) -> None:
     parameters = motor_parameters(curve=curve)
-    assert tuple(name for name in parameters.names if name.startswith("c_")) == CURVE_TERMS[curve]
+    assert tuple(name for name in parameters.names if name.startswith("c_")) == TERMS_OF_CURVE[curve]
     for one in parameters:
         check_unit(one.name, one.unit)
 

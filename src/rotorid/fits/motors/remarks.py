@@ -17,9 +17,9 @@ from rotorid.fitting.motors.excitation import LEAST_CORRELATION, excited_axes
 from rotorid.fitting.motors.inertia import compare_regressions
 from rotorid.fitting.motors.translation import DRAG
 from rotorid.models.motors import (
-    CURVE_TERMS,
     DELAYS,
     SPIN_UP,
+    TERMS_OF_CURVE,
     YAW_DELAY,
     check_figure_of_merit,
     scale_of,
@@ -273,7 +273,7 @@ def _yaw_besides_torque(identified: FittedMotors) -> Iterator[Finding]:
 def _parameter_remarks(identified: FittedMotors) -> Iterator[Finding]:
     """Guidelines of single parameters; coefficients of one curve trade against each other, and their sum counts."""
     for finding in judge_parameters(identified.parameters, identified.bounds):
-        if not (identified.curve == "polynomial" and finding.where in CURVE_TERMS["polynomial"]):
+        if not (identified.curve == "polynomial" and finding.where in TERMS_OF_CURVE["polynomial"]):
             yield finding
 
 

@@ -38,6 +38,7 @@ from rotorid.fitting.motors.excitation import Excitation, excitations, filtered
 from rotorid.fitting.motors.speed import MotorSpeed, measured_speed, motor_speed
 from rotorid.fitting.motors.translation import DRAG, Translation, between, shows_translation, translation
 from rotorid.fitting.problem import Part, Problem
+from rotorid.models.flight import CURVE_TERMS
 from rotorid.models.motors import SPIN_UP, YAW_DELAY
 from rotorid.typing import BoolArray, FloatArray
 
@@ -311,9 +312,6 @@ class MotorProblem(Problem):
         )
 
 
-_CURVE = ("c_0", "c_1", "c_2")
-
-
 class _DelayedMotors(NamedTuple):
     """Motors over a record, and their derivatives by the names of lag and delay."""
 
@@ -332,7 +330,7 @@ class _DelayedMotors(NamedTuple):
     def thrusts(self, values: Mapping[str, float]) -> dict[str, FloatArray]:
         """The same of the thrust of every rotor at a sample, ``(motors, n)``."""
         level = self.here.level
-        slopes = {name: level**power for power, name in enumerate(_CURVE) if name in values}
+        slopes = {name: level**power for power, name in enumerate(CURVE_TERMS) if name in values}
         slope = values.get("c_1", 0.0) + 2.0 * values.get("c_2", 0.0) * level
         return slopes | {name: slope * moved.level for name, moved in self.moved.items()}
 
@@ -350,7 +348,7 @@ def _gained(motors: MotorSpeed, record: MotorRecord) -> FloatArray:
 
 def _by_the_curve(values: Mapping[str, float], terms: Mapping[str, FloatArray]) -> FloatArray:
     """Thrust, from what each coefficient of its curve is multiplied by."""
-    thrusts = [values[name] * terms[name] for name in _CURVE if name in terms]
+    thrusts = [values[name] * terms[name] for name in CURVE_TERMS if name in terms]
     total: FloatArray = sum(thrusts[1:], thrusts[0])
     return total
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from rotorid.autopilots.advice import unread_words
 from rotorid.autopilots.betaflight.advice import field_advice
+from rotorid.data.axes import ATTITUDE
 from rotorid.data.findings import Finding, remark, warn
 from rotorid.data.ranges import RANGES
 from rotorid.data.record import AXES, MOTORS, STANDARD_UNITS, Channel, FlightRecord, Maneuver, Source, Topic, Unread
@@ -364,7 +365,6 @@ def _motor_speeds(flight: Flight) -> Iterator[Row]:
             )
 
 
-_ANGLES = ("phi", "theta", "psi")
 _QUATERNION_SCALE = 32767.0
 
 
@@ -375,14 +375,14 @@ def _attitude(flight: Flight) -> Iterator[Row]:
     """
     angles = [f"attitude[{index}]" for index in range(3)]
     if set(angles) <= set(flight.fields):
-        for name, source, sign in zip(_ANGLES, angles, (1.0, -1.0, 1.0), strict=True):
+        for name, source, sign in zip(ATTITUDE, angles, (1.0, -1.0, 1.0), strict=True):
             yield Row(name, source, _float(flight, source) * (0.1 * _DEGREE * sign))
     vector = [f"imuQuaternion[{index}]" for index in range(3)]
     if set(vector) <= set(flight.fields):
         axes = np.stack([_float(flight, source) * sign for source, sign in zip(vector, FRD, strict=True)])
         axes /= _QUATERNION_SCALE
         scalar = np.sqrt(np.maximum(1.0 - np.sum(axes**2, axis=0), 0.0))
-        for name, values in zip(_ANGLES, euler_from_quaternion(np.stack([scalar, *axes])), strict=True):
+        for name, values in zip(ATTITUDE, euler_from_quaternion(np.stack([scalar, *axes])), strict=True):
             yield Row(name, "imuQuaternion", values)
 
 
