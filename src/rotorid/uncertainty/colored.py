@@ -22,6 +22,9 @@ _SAMPLES_PER_LAG = 10
 _ROUNDS = 4
 _AT_REST = 1e-6
 """Of the power of the residuals: what rounds still add of that changes no order and no covariance."""
+_AS_SURPRISING = 1.5
+"""What a fit takes is slow. Given back, it hardly changes what no sample before foretells; where that grows by more,
+the products are of no process any more."""
 _NEGLIGIBLE = 0.02
 _SAME_RATE = 1.1
 """Largest ratio of sample rates at which records share an autoregression."""
@@ -58,7 +61,7 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
 
     A fit takes from the residuals what looks like its parameters, and slow errors look like them most. With P the
     projection on parameters and unknowns, :math:`E[r r^T] = (I - P) \Sigma (I - P)`: what is missing is computed for
-    the autoregression found so far and given back, until it rests; nothing is, where it does not.
+    the autoregression found so far and given back, until it rests; nothing is, where that leaves no process.
 
     Records of one sample rate share an autoregression; errors that last as long are another one at another rate.
 
@@ -119,18 +122,25 @@ def residual_processes(parts: Sequence[Part]) -> tuple[Process, ...]:
     root = np.linalg.cholesky((D + D.T) / 2.0)
     taken = [np.concatenate([part.unknown, part.slopes @ root], axis=2) for part in parts]
     processes = plain = _of_each(parts, None)
-    given, moved = [np.zeros(()) for _ in parts], np.inf
+    given = [np.zeros(()) for _ in parts]
     power = sum(float(np.sum(part.residual**2)) for part in parts)
     for _ in range(_ROUNDS if _matters(taken, parameters) else 0):
         missing = _missing(taken, processes, parameters)
-        before, moved = moved, float(np.sqrt(sum(np.sum((m - g) ** 2) for m, g in zip(missing, given, strict=True))))
-        if moved > before:
-            # Errors that outlast the record leave no rest: rounds jump by ten times, residuals alone err by two.
-            return plain
+        moved = float(np.sqrt(sum(np.sum((m - g) ** 2) for m, g in zip(missing, given, strict=True))))
         processes, given = _of_each(parts, missing), missing
+        if any(
+            _surprise(one) > _AS_SURPRISING * _surprise(before) for one, before in zip(processes, plain, strict=True)
+        ):
+            # Errors outlast the record: rounds jump by ten times, where residuals alone err by two.
+            return plain
         if moved <= _AT_REST * power:
             break
     return processes
+
+
+def _surprise(process: Process) -> float:
+    """Power of what no sample before foretells."""
+    return float(np.trace(process.noise))
 
 
 def _of_each(parts: Sequence[Part], missing: Sequence[FloatArray] | None) -> tuple[Process, ...]:

@@ -60,6 +60,34 @@ def test_what_the_fit_took_from_the_residuals_is_given_back() -> None:
     assert np.sqrt(np.mean(np.mean(stated, axis=0) / true)) == pytest.approx(1.0, abs=0.15)
 
 
+def test_rounds_that_rise_and_fall_are_taken() -> None:
+    """Fifteen records of three seconds, shifts and slopes of two outputs unknown: residuals alone state 72 %."""
+    samples, records, outputs, pole = 75, 15, 2, 0.99
+    time = np.linspace(-1.0, 1.0, samples)
+    slow = np.linalg.qr(np.stack([np.ones(samples), time], axis=1))[0]
+    unknown = np.kron(slow, np.eye(outputs))
+    lags = pole ** np.abs(np.subtract.outer(np.arange(samples), np.arange(samples))) / (1.0 - pole**2)
+    covariance, ratios = np.kron(lags, np.eye(outputs)), []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        errors = lfilter([1.0], [1.0, -pole], rng.normal(size=(records, outputs, 675)))[..., 600:]
+        columns = lfilter([1.0], [1.0, -0.95], rng.normal(size=(records, outputs, 2, 275)))[..., 200:]
+        e = errors.transpose(0, 2, 1).reshape(records, -1)
+        S = columns.transpose(0, 3, 1, 2).reshape(records, -1, 2)
+        S = S - unknown @ (unknown.T @ S)
+        inverse = np.linalg.inv(np.einsum("rna,rnb->ab", S, S))
+        found = inverse @ np.einsum("rna,rn->a", S, e)
+        left = e - (e @ unknown) @ unknown.T - S @ found
+        basis = unknown.reshape(samples, outputs, -1)
+        parts = [
+            Part(one.reshape(samples, outputs), slopes.reshape(samples, outputs, 2), basis, 25.0)
+            for one, slopes in zip(left, S, strict=True)
+        ]
+        middle = np.einsum("rna,nm,rmb->ab", S, covariance, S)
+        ratios.append(colored_covariance(parts).corrected.diagonal() / (inverse @ middle @ inverse).diagonal())
+    assert 0.8 < np.sqrt(np.mean(ratios)) < 1.1
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_given_back_where_that_has_no_end(seed: int) -> None:
     """Slow columns of three outputs, and errors slower still: rounds of giving back jump from a tenth to five times."""
@@ -67,7 +95,6 @@ def test_nothing_is_given_back_where_that_has_no_end(seed: int) -> None:
     memory = np.convolve([1.0, -0.995], [1.0, -1.96, 0.9604])
     errors = lfilter([1.0], memory, rng.normal(size=(3, 1000))).T
     slopes = lfilter([1.0], [1.0, -0.97], rng.normal(size=(6, 3, 1000))).transpose(2, 1, 0)
-    slopes[:, 2, :2] += 1.0
     left = errors - slopes @ np.linalg.lstsq(slopes.reshape(-1, 6), errors.ravel(), rcond=None)[0]
     part = Part(left, slopes, np.zeros((1000, 3, 0)), 50.0)
     toeplitz = np.zeros(1000)
