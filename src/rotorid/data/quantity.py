@@ -129,12 +129,18 @@ def with_interval(value: float | None, lower: float | None, upper: float | None)
     (('27.0', '26.7 to 27.4'), ('2', ''), ('–', ''))
     >>> with_interval(1.008e-6, 0.976e-6, 1.04e-6)
     ('1.01·10⁻⁶', '0.98·10⁻⁶ to 1.04·10⁻⁶')
+    >>> with_interval(0.318, 0.318, math.inf)
+    ('0.318', '0.318 to ∞')
     """
     if value is None or lower is None or upper is None:
         return significant(value), ""
     half = _larger_half(value, lower, upper)
     if not half > _ROUNDING * abs(value):
-        return significant(value), ""
+        number = significant(value)
+        if math.isfinite(lower) and math.isfinite(upper):
+            return number, ""
+        # A bound is no exact number.
+        return number, " to ".join(number if math.isfinite(end) else _end(end, 0) for end in (lower, upper))
     # A number that is known to be small, and not just nearly zero, keeps its digits.
     power = math.floor(math.log10(abs(value))) if half < abs(value) < _PLAIN_FROM else 0
     scale, times = 10.0**power, f"·10{superscript(str(power))}" if power else ""

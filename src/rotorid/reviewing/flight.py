@@ -28,11 +28,12 @@ from rotorid.autopilots.advice import (
     logging_advice,
     motor_advice,
     raw_gyro_advice,
+    speed_advice,
     wind_advice,
 )
 from rotorid.autopilots.px4.versions import firmware_shown, topic_of
 from rotorid.autopilots.registry import autopilot_of, writer_of
-from rotorid.data.display import listed
+from rotorid.data.display import capital, listed
 from rotorid.data.quantity import TWO_SIDED_95, Quantity
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.errors import InsufficientDataError, ModelError
@@ -456,7 +457,7 @@ def _changes(record: FlightRecord, slow: Mapping[str, float], gap_s: float) -> I
     if "p_raw" not in record and (advice := raw_gyro_advice(record)).startswith("set "):
         yield f"{advice[0].upper()}{advice[1:]}, to log the gyro before its filters too."
     if not any(name.startswith("motor_speed_") for name in record.channel_names):
-        yield "Log motor speeds (bidirectional DShot or ESC telemetry) to see which vibration the rotors cause."
+        yield f"{capital(speed_advice(record))}; they show which vibration the rotors cause."
 
 
 def logger_topics(record: FlightRecord, *, wanted: Sequence[str] = ()) -> str:

@@ -298,7 +298,7 @@ def _delays(record: FlightRecord, sensors: Sequence[Sensor], _: Intervals) -> Nu
     raw = np.interp(after.time_s, before.time_s, before.values)
     measured = measured_delay(after.time_s, raw, after.values, band_hz=_DELAY_BAND_HZ)
     if measured is None:
-        why = "The flight is too short."
+        why = "The gyro was logged too briefly without gaps."
         return numbers, [*unavailable, Unavailable(what=what, why=why, remedy="fly for 20 s or more")]
     numbers["filter_delay_measured_s"] = Quantity.normal(measured.delay_s, max(measured.std_s, 2e-5), "s")
     return numbers, unavailable

@@ -284,6 +284,13 @@ def test_a_gap_in_flight_is_told_with_its_remedy() -> None:
     assert any("504 ms" in sentence or "50" in sentence for sentence in review.change)
 
 
+def test_motor_speeds_are_asked_of_firmware_that_logs_them() -> None:
+    old = record(hovering(30.0, 250.0), 250.0, "Betaflight blackbox")
+    review, _ = logging(replace(old, source=replace(old.source, firmware="Betaflight 4.3.1")))
+    (speeds,) = (sentence for sentence in review.change if "motors' speeds" in sentence)
+    assert speeds.startswith("Fly Betaflight 4.5 or newer")
+
+
 def test_an_unknown_vehicle_says_so() -> None:
     found, untold = vehicle(record(hovering(30.0, 50.0), 50.0))
 
