@@ -794,8 +794,11 @@ class SimulateSettings(Immutable):
 
     def __post_init__(self) -> None:
         from rotorid.data.flight_plan import LONGEST_S
+        from rotorid.simulation.wind import Wind
 
         require_seed(self.seed)
+        if not isinstance(self.wind, Wind):
+            raise UsageError(f"wind={self.wind!r} is no Wind", needed="rotorid.Wind(north_m_s=3.0), for instance")
         if self.duration_s is not None and not 0.0 < self.duration_s <= LONGEST_S:
             raise UsageError(
                 f"--duration {self.duration_s:g} is out of range", needed=f"more than 0 s, at most {LONGEST_S:g} s"

@@ -11,7 +11,7 @@ import numpy as np
 
 from rotorid.data.base import Immutable
 from rotorid.data.flight_plan import Entry, SimulatedFlight
-from rotorid.errors import ModelError
+from rotorid.errors import ModelError, UsageError
 from rotorid.models.parameter import no_such
 from rotorid.simulation.multirotor_flight import Aircraft
 from rotorid.typing import Axis
@@ -194,6 +194,8 @@ def entry_of(vehicle: Vehicle) -> VehicleEntry:
     ------
     ModelError
         The library has no such vehicle.
+    UsageError
+        It is neither a name nor a vehicle.
 
     Examples
     --------
@@ -204,6 +206,8 @@ def entry_of(vehicle: Vehicle) -> VehicleEntry:
         return VehicleEntry(name=vehicle.name, summary="", source=vehicle.vehicle.source, make=lambda: vehicle)
     if isinstance(vehicle, VehicleEntry):
         return vehicle
+    if not isinstance(vehicle, str):
+        raise UsageError(f"{type(vehicle).__name__} is no vehicle", needed="a name such as x500, or an Aircraft")
     if vehicle not in VEHICLES:
         raise no_such("vehicle", vehicle, aircraft_names())
     return VEHICLES[vehicle]

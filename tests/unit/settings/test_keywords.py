@@ -137,6 +137,10 @@ def test_a_simulation_takes_texts_and_suggests_names() -> None:
         rotorid.simulate("x500", duraton_s=0.05)  # type: ignore[call-arg]
     with pytest.raises(RotoridError, match="no number of a vehicle 'weight'"):
         rotorid.simulate("x500", duration_s=0.05, changes="weight=2")
+    with pytest.raises(UsageError, match=r"wind='3' is no Wind; expected rotorid.Wind\(north_m_s=3.0\)"):
+        rotorid.simulate("x500", duration_s=0.05, wind="3")  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="int is no vehicle; expected a name such as x500, or an Aircraft"):
+        rotorid.simulate(5, duration_s=0.05)  # type: ignore[arg-type]
 
 
 WRONG_LOGS = [
