@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, Unpack, overload
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, Unpack, overload
 
 from rotorid.autopilots.advice import flying_advice, logging_advice
 from rotorid.data.axes import RATE_OF
@@ -161,77 +162,98 @@ def has_answers(reviewed: Review) -> bool:
     return bool(reviewed.flight.flights) and (identified or any(parts))
 
 
-def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -> Review:
-    unavailable: list[Unavailable] = []
+class _Parts:
+    """Parts of a review as they are made, each on its own, and what none of them could measure."""
 
-    def part(what: str, make: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
+    def __init__(self) -> None:
+        self.unavailable: list[Unavailable] = []
+
+    def make(self, what: str, made_by: Callable[[], tuple[Part, Sequence[Unavailable]]], otherwise: Part) -> Part:
         """A part of the review; where there is none, its reason joins the list of what is unavailable."""
         if what in _STEPS:
             _PROGRESS.info(f"reviewing {what}", extra={"done": _STEPS.index(what), "total": len(_STEPS)})
-        made, missing = section(what, make, otherwise)
-        unavailable.extend(missing)
+        made, missing = section(what, made_by, otherwise)
+        self.unavailable.extend(missing)
         return made
 
-    def remarks(what: str, make: Callable[[], Sequence[Finding]]) -> Sequence[Finding]:
+    def remarks(self, what: str, made_by: Callable[[], Sequence[Finding]]) -> Sequence[Finding]:
         """Findings of a part that makes nothing else."""
         none: Sequence[Finding] = ()
-        return part(what, lambda: (make(), ()), none)
+        return self.make(what, lambda: (made_by(), ()), none)
 
-    summary = part("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
-    logged = part("logging", lambda: logging(record), LoggingReview(rates_hz={}, longest_gap_s=0.0))
-    air = part("flight", lambda: (flown(record), ()), None)
-    if air is not None and not summary.flights:
-        summary = FlightSummary(flights=air.flights, seen_in=air.airborne.seen_in)
-    closed: dict[str, LoopReview] = {}
-    broken: dict[Axis, MarginReview] = {}
-    followed: dict[str, TrackingReview] = {}
-    noise_review, worked = NoiseReview(), MotorReview()
-    better: FilterProposal | None = None
-    found: dict[str, IdentifiedModel | Refused] = {}
+
+class _ByGyro(NamedTuple):
+    """What a review measures by the gyro: oscillations first, since a swinging loop shows its limits only."""
+
     swinging: tuple[OscillationReview, ...] = ()
     calm: tuple[Axis, ...] = ()
-    widths: dict[str, float] = {}
+    loops: Mapping[str, LoopReview] = MappingProxyType({})
+    tracking: Mapping[str, TrackingReview] = MappingProxyType({})
+    margins: Mapping[Axis, MarginReview] = MappingProxyType({})
+
+    @property
+    def bandwidths_rad_s(self) -> dict[str, float]:
+        """Of the loops that have one, by the name of the loop."""
+        name = "bandwidth_90deg_rad_s"
+        return {loop: found.numbers[name].value for loop, found in self.loops.items() if name in found.numbers}
+
+
+def _by_gyro(record: FlightRecord, air: FlightData, parts: _Parts) -> _ByGyro:
+    none = _ByGyro()
+    swinging, calm = parts.make("oscillations", lambda: _oscillations(record), (none.swinging, none.calm))
+    return _ByGyro(
+        swinging=swinging,
+        calm=calm,
+        loops=parts.make("loops", lambda: _loops_of(air, swinging), none.loops),
+        tracking=parts.make("tracking", lambda: tracking(air), none.tracking),
+        margins=parts.make("margins", lambda: _margins_of(air, swinging), none.margins),
+    )
+
+
+def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -> Review:
+    parts = _Parts()
+    summary = parts.make("flight", lambda: flight(record), FlightSummary(flights=(), seen_in=""))
+    logged = parts.make("logging", lambda: logging(record), LoggingReview(rates_hz={}, longest_gap_s=0.0))
+    air = parts.make("flight", lambda: (flown(record), ()), None)
+    if air is not None and not summary.flights:
+        summary = FlightSummary(flights=air.flights, seen_in=air.airborne.seen_in)
+    moved, noise_review, worked = _ByGyro(), NoiseReview(), MotorReview()
+    better: FilterProposal | None = None
+    found: dict[str, IdentifiedModel | Refused] = {}
     still = dead_gyro(record)
     if air is not None and still:
-        unavailable += [Unavailable(what=step, why=f"{still}.", remedy=CHECK_SENSORS) for step in _OF_GYRO]
+        parts.unavailable += [Unavailable(what=step, why=f"{still}.", remedy=CHECK_SENSORS) for step in _OF_GYRO]
     elif air is not None:
-        swinging, calm = part("oscillations", lambda: _oscillations(record), (swinging, calm))
-        closed = part("loops", lambda: _loops_of(air, swinging), closed)
-        followed = part("tracking", lambda: tracking(air), followed)
-        broken = part("margins", lambda: _margins_of(air, swinging), broken)
-        widths = {
-            name: loop.numbers["bandwidth_90deg_rad_s"].value
-            for name, loop in closed.items()
-            if "bandwidth_90deg_rad_s" in loop.numbers
-        }
+        moved = _by_gyro(record, air, parts)
     if air is not None:
-        noise_review = part("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
-        if not swinging and not still:
-            better = part("filters", lambda: filters(record, broken, unavailable), better)
-        worked = part("motors", lambda: motors(record, mass_kg=known.get("m")), worked)
+        widths = moved.bandwidths_rad_s
+        noise_review = parts.make("noise", lambda: noise(record, bandwidths_rad_s=widths), noise_review)
+        if not moved.swinging and not still:
+            better = parts.make("filters", lambda: filters(record, moved.margins, parts.unavailable), better)
+        worked = parts.make("motors", lambda: motors(record, mass_kg=known.get("m")), worked)
     unknown = VehicleReview(autopilot=record.source.format, firmware=record.source.firmware, kind="", frame="")
     # What the log does not say of the vehicle is a note of ``inspect``.
-    kind = part("vehicle", lambda: (vehicle(record)[0], ()), unknown)
-    control = part("control", lambda: _control(record, flown=air is not None), None)
+    kind = parts.make("vehicle", lambda: (vehicle(record)[0], ()), unknown)
+    control = parts.make("control", lambda: _control(record, flown=air is not None), None)
     if air is not None and models:
-        if motors_limited(swinging):
-            unavailable.append(_hidden_by_limits("models", swinging))
+        if motors_limited(moved.swinging):
+            parts.unavailable.append(_hidden_by_limits("models", moved.swinging))
         else:
-            found = part("models", lambda: _models(record), found)
-    summary, unavailable[:] = _with_thrust_of(found, summary, unavailable)
+            found = parts.make("models", lambda: _models(record), found)
+    summary, parts.unavailable = _with_thrust_of(found, summary, parts.unavailable)
     names: tuple[str, ...] = ()
-    unsupported = part("models.supports", lambda: (_unsupported(record, found), ()), names)
+    unsupported = parts.make("models.supports", lambda: (_unsupported(record, found), ()), names)
     sensors = dead_sensor_findings if air is not None else not_flown
     findings = [
         *(control.findings if control is not None else ()),
         *record.findings,
         *summary.findings,
-        *remarks("sensors", lambda: sensors(record)),
-        *remarks("controllers", lambda: controller_findings(record)),
-        *remarks("oscillations", lambda: oscillation_findings(swinging)),
-        *remarks("channels", lambda: channel_agreement(record, summary.flights)),
-        *(finding for loop in closed.values() for finding in loop.findings),
-        *(finding for margin in broken.values() for finding in margin.findings),
+        *parts.remarks("sensors", lambda: sensors(record)),
+        *parts.remarks("controllers", lambda: controller_findings(record)),
+        *parts.remarks("oscillations", lambda: oscillation_findings(moved.swinging)),
+        *parts.remarks("channels", lambda: channel_agreement(record, summary.flights)),
+        *(finding for loop in moved.loops.values() for finding in loop.findings),
+        *(finding for margin in moved.margins.values() for finding in margin.findings),
         *noise_review.findings,
         *worked.findings,
     ]
@@ -241,9 +263,9 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         vehicle=kind,
         flight=summary,
         logging=logged,
-        loops=closed,
-        tracking=followed,
-        margins=broken,
+        loops=moved.loops,
+        tracking=moved.tracking,
+        margins=moved.margins,
         models=found,
         models_sought=models,
         unsupported=unsupported,
@@ -251,12 +273,19 @@ def _review(record: FlightRecord, *, models: bool, known: Mapping[str, float]) -
         motors=worked,
         cannot_tell=(),
         next_commands=(),
-        oscillations=swinging,
-        calm=calm,
+        oscillations=moved.swinging,
+        calm=moved.calm,
         control=control,
         filters=better,
     )
-    commands = part("next_commands", lambda: (next_commands(record, reviewed), ()), names)
+    commands = parts.make("next_commands", lambda: (next_commands(record, reviewed), ()), names)
+    return _completed(reviewed, commands, findings, parts.unavailable)
+
+
+def _completed(
+    reviewed: Review, commands: tuple[str, ...], findings: Sequence[Finding], unavailable: Sequence[Unavailable]
+) -> Review:
+    """A review with what comes last, in its own words: next commands, gaps named once, and findings, worst first."""
     return replace(
         reviewed,
         next_commands=commands,
