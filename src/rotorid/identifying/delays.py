@@ -146,7 +146,8 @@ class Delays(Immutable):
 def _with_error(estimate: DelayEstimate) -> str:
     """A delay with its deviation, or with its interval where that has no such width."""
     if estimate.std_s is None and estimate.interval_s is not None:
-        return with_ends(*(1e3 * time_s for time_s in (estimate.delay_s, *estimate.interval_s)), unit="ms")
+        low_s, high_s = estimate.interval_s
+        return with_ends(1e3 * estimate.delay_s, 1e3 * low_s, 1e3 * high_s, "ms")
     return f"{milliseconds(estimate.delay_s, estimate.std_s)} ms"
 
 
