@@ -81,7 +81,7 @@ TABLE = (
         tune__room=("\n_ROOM = 1.3", "\n_ROOM = 1.0"),
     ),
     *_guards(
-        "proposing/axis_gains.py",
+        "proposing/new_gains.py",
         "proposing/test_judging_guards.py",
         tune__throttle__wishes=(
             "thrust.flown_range if thrust is not None else (1.0, 1.0),\n        ranges",
@@ -164,7 +164,7 @@ TABLE = (
         ),
     ),
     *_guards(
-        "proposing/axis_gains.py",
+        "proposing/new_gains.py",
         "proposing/test_filter_curve_points.py",
         filters__ends=("ends=tuple(at_ends(known.controller, parts).values()),", "ends=(),"),
     ),

@@ -12,7 +12,7 @@ from rotorid.documents.review import review_document
 from rotorid.errors import InsufficientDataError
 from rotorid.proposing.flown_gains import require_room
 from rotorid.reviewing.cards import cards
-from rotorid.reviewing.unavailable import gathered
+from rotorid.reviewing.missing_words import gathered
 from rotorid.signal.oscillations import check_oscillations
 
 Read = Callable[[str], rotorid.FlightRecord]

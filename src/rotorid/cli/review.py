@@ -191,7 +191,7 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
     from rotorid.report.review import headline
     from rotorid.reviewing.baseline import left_out_words
     from rotorid.reviewing.cards import cards
-    from rotorid.reviewing.unavailable import gathered
+    from rotorid.reviewing.missing_words import gathered
 
     console = output_console()
 

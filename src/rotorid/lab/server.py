@@ -306,7 +306,7 @@ def unavailable(printed: Any) -> list[list[dict[str, str]]]:
     if printed is None:
         return []
     from rotorid.reviewing.missing import Unavailable
-    from rotorid.reviewing.unavailable import gathered
+    from rotorid.reviewing.missing_words import gathered
 
     reviews = printed.get("reviews") or [printed]
     return [

@@ -14,9 +14,9 @@ from rotorid.data.quantity import Quantity
 from rotorid.data.record import FlightRecord
 from rotorid.models.autopilots.settings import AxisController
 from rotorid.proposing.axis import KnownAxis, needed_rad_s
-from rotorid.proposing.axis_gains import AxisGains, scores_of, shares_angle
 from rotorid.proposing.filters import FilterPrice, changed_filters, prices
 from rotorid.proposing.flown_gains import FlownLoop, at_ends
+from rotorid.proposing.new_gains import AxisGains, scores_of, shares_angle
 from rotorid.proposing.steps import attitude_steps, step_times_s
 from rotorid.tuning.firmware import rounded, written
 from rotorid.tuning.kinds import KINDS

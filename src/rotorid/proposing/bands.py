@@ -22,8 +22,8 @@ from rotorid.planning.aircraft import aircraft_loop, rate_filters
 from rotorid.planning.loop import LoopModel
 from rotorid.planning.prior import with_prior
 from rotorid.proposing.axis import known_axis
-from rotorid.proposing.axis_gains import wishes_of
 from rotorid.proposing.flown_gains import at_ends, flown_controllers
+from rotorid.proposing.new_gains import wishes_of
 from rotorid.proposing.settings import TUNED_AXES, TuneSettings
 from rotorid.results.model import IdentifiedModel
 from rotorid.simulation.multirotor_flight import Aircraft

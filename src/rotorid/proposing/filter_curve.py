@@ -21,8 +21,8 @@ from rotorid.flights.filter_effects import command_powers, filtered_density, sav
 from rotorid.flights.gyro_noise import GyroNoise, gyro_noise
 from rotorid.loops.filter_choice import FilterSet, KnownLoop, filter_sets
 from rotorid.proposing.axis import KnownAxis
-from rotorid.proposing.axis_gains import agreed_gains
 from rotorid.proposing.filters import with_filters
+from rotorid.proposing.new_gains import agreed_gains
 from rotorid.tuning.firmware import written
 from rotorid.tuning.loops import Gains, loop_figures, over_draws
 from rotorid.tuning.proposal import Judged, Wishes

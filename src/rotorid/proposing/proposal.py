@@ -26,12 +26,12 @@ from rotorid.flights.controller_check import controller_findings
 from rotorid.flights.same_vehicle import require_one_autopilot
 from rotorid.io.records import as_records
 from rotorid.proposing.axis import KnownAxis, differing_gains, known_axis
-from rotorid.proposing.axis_gains import AxisError, AxisGains, agreed_gains, axis_gains, wishes_of
 from rotorid.proposing.axis_tuning import AxisTuning, axis_tuning, flights_to_goal
 from rotorid.proposing.cascade import Cascade
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
 from rotorid.proposing.flown_gains import settings_records
 from rotorid.proposing.judging import JudgedGains, judge_gains, load_gains, require_same_autopilot
+from rotorid.proposing.new_gains import AxisError, AxisGains, agreed_gains, axis_gains, wishes_of
 from rotorid.proposing.outer_flown import checked_by_flight
 from rotorid.proposing.proposal_files import proposal_files
 from rotorid.proposing.remarks import reason_without_gains, remarks_of, thrust_remarks

@@ -33,8 +33,8 @@ from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
 from rotorid.reviewing.filters import filter_files
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.missing import Unavailable, section
+from rotorid.reviewing.missing_words import gathered
 from rotorid.reviewing.motors import possible_causes
-from rotorid.reviewing.unavailable import gathered
 from rotorid.reviewing.values import BaselineReview, LoopReview, MarginReview, NoiseMap, Review, StepCurve
 from rotorid.spectral.derived import read_points
 from rotorid.tuning.judging import VERDICT_NAMES

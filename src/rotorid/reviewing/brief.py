@@ -17,7 +17,7 @@ from rotorid.reviewing.baseline import measures
 from rotorid.reviewing.card import Card
 from rotorid.reviewing.cards import cards
 from rotorid.reviewing.missing import Unavailable
-from rotorid.reviewing.unavailable import gathered
+from rotorid.reviewing.missing_words import gathered
 from rotorid.reviewing.values import Review
 
 MOST_SPANS = 8

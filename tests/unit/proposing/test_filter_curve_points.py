@@ -12,7 +12,7 @@ import pytest
 from rotorid.data.quantity import Quantity
 from rotorid.loops.filter_choice import FilterSet
 from rotorid.models.controller import RateController
-from rotorid.proposing import axis_gains
+from rotorid.proposing import new_gains
 from rotorid.proposing.filter_curve import AxisPoint, FilterPoint, _numbered, _point, _spread, _undominated
 from rotorid.tuning import AxisProposal, ControllerParts, Gains, Wishes, frequency_grid
 
@@ -98,8 +98,8 @@ def test_gains_of_a_point_hold_at_both_ends_of_d_or_there_is_no_point(monkeypatc
             axis="roll", controller=controller, flown=scores, proposed=scores, better=1.0, keeps_limits=False
         )
 
-    monkeypatch.setattr(axis_gains, "propose", none_holds)
-    monkeypatch.setattr(axis_gains, "shares_angle", lambda _: False)
+    monkeypatch.setattr(new_gains, "propose", none_holds)
+    monkeypatch.setattr(new_gains, "shares_angle", lambda _: False)
     nothing = cast("Any", None)
     given = cast("Any", {"roll": known})
     assert _point(nothing, nothing, given, nothing, nothing, 0.5, lambda _: Wishes(), np.zeros(1)) is None

@@ -9,8 +9,8 @@ from typing import Any, cast
 import pytest
 from tests.unit.proposing.test_judging import PX4, known, log
 
-from rotorid.proposing.axis_gains import wishes_of
 from rotorid.proposing.judging import _situations, judge_axis
+from rotorid.proposing.new_gains import wishes_of
 from rotorid.proposing.settings import TuneSettings
 from rotorid.tuning.loops import Gains
 

@@ -15,11 +15,11 @@ from rotorid.models.autopilots.outer import RENAMED, as_logged, outer_controller
 from rotorid.models.controller import RateController
 from rotorid.proposing import check
 from rotorid.proposing.axis import KnownAxis
-from rotorid.proposing.axis_gains import axis_gains, wishes_of
 from rotorid.proposing.axis_tuning import AxisTuning, axis_tuning
 from rotorid.proposing.check import Foretold
 from rotorid.proposing.flown_gains import LoggedLoop
 from rotorid.proposing.judging import JudgedGains, judge_gains
+from rotorid.proposing.new_gains import axis_gains, wishes_of
 from rotorid.proposing.outer import (
     Drag,
     InnerLoop,

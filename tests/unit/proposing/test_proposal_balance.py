@@ -11,8 +11,8 @@ from tests.unit.proposing.test_outer import INNER, PX4, roll, vehicle
 
 from rotorid.data.quantity import Quantity
 from rotorid.models.autopilots import axis_controller
-from rotorid.proposing.axis_gains import axis_gains
 from rotorid.proposing.axis_tuning import AxisTuning, axis_tuning
+from rotorid.proposing.new_gains import axis_gains
 from rotorid.report.tune_words import balance_sentence
 from rotorid.tuning import Wishes
 

@@ -12,10 +12,10 @@ from rotorid.errors import InsufficientDataError
 from rotorid.flights.controllers import controllers_of
 from rotorid.models.autopilots import axis_controller
 from rotorid.proposing.axis import KnownAxis
-from rotorid.proposing.axis_gains import axis_gains
 from rotorid.proposing.axis_tuning import axis_tuning
 from rotorid.proposing.filters import with_filters
 from rotorid.proposing.flown_gains import LoggedLoop
+from rotorid.proposing.new_gains import axis_gains
 from rotorid.proposing.shared_filters import require_filters_hold
 from rotorid.tuning import Gains, Wishes, frequency_grid, uncertain_plant
 from rotorid.typing import Axis, ComplexArray, FloatArray

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rotorid.reviewing.missing import Unavailable
-from rotorid.reviewing.unavailable import gathered
+from rotorid.reviewing.missing_words import gathered
 
 
 def test_a_row_for_several_axes_names_each_of_them() -> None:

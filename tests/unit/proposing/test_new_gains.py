@@ -14,11 +14,11 @@ from tests.unit.loops.test_filter_choice import CRAFTS, LETTERS
 from tests.unit.proposing.test_shared_filters import known
 
 from rotorid.data.record import FlightRecord, Source
-from rotorid.proposing import axis_gains as module
 from rotorid.proposing import filter_curve as curves
+from rotorid.proposing import new_gains as module
 from rotorid.proposing.axis import KnownAxis
-from rotorid.proposing.axis_gains import AxisGains, agreed_gains, axis_gains, wishes_of
 from rotorid.proposing.filter_curve import FilterCurve, filter_curve, with_point
+from rotorid.proposing.new_gains import AxisGains, agreed_gains, axis_gains, wishes_of
 from rotorid.proposing.settings import TuneSettings
 from rotorid.tuning import Wishes
 from rotorid.typing import Axis
