@@ -35,6 +35,7 @@ from rotorid.data.record import Channel, FlightRecord, Topic
 from rotorid.errors import InsufficientDataError
 from rotorid.fitting.motors.excitation import SLOW_HZ
 from rotorid.frames import rates_from_attitude
+from rotorid.signal.clock import rises
 from rotorid.signal.kinematics import EARTH_VELOCITIES, VELOCITIES
 from rotorid.typing import FloatArray
 from rotorid.units import STANDARD_GRAVITY_M_S2
@@ -158,8 +159,8 @@ def _samples(record: FlightRecord, names: Sequence[str], *, least_hz: float) -> 
     values = best.values[rows]
     good = np.isfinite(values).all(axis=0) & np.isfinite(best.time_s)
     time_s, values = best.time_s[good], values[:, good]
-    ahead = np.r_[True, np.diff(np.maximum.accumulate(time_s)) > 0.0] if time_s.size else np.zeros(0, dtype=np.bool_)
-    time_s, values = time_s[ahead], values[:, ahead]
+    rising = rises(time_s)
+    time_s, values = time_s[rising], values[:, rising]
     rate_hz = best.sample_rate_hz
     if time_s.size < _FEWEST or rate_hz < least_hz:
         message = f"{best.name} of {record.source.name} was logged at only {rate_hz:.3g} Hz."

@@ -21,7 +21,7 @@ from rotorid.data.record import FlightRecord, Intervals, TimeHistory, Topic
 from rotorid.data.response import FrequencyResponse
 from rotorid.errors import InsufficientDataError
 from rotorid.signal.airborne import Airborne, airborne
-from rotorid.signal.clock import missing_channel, resample, source_topic
+from rotorid.signal.clock import missing_channel, resample, rises, source_topic
 from rotorid.spectral.estimate import frequency_response
 from rotorid.typing import Axis, ComplexArray, FloatArray
 
@@ -389,10 +389,8 @@ def _finite_samples(topic: Topic, row: int) -> tuple[FloatArray, FloatArray]:
     values = topic.values[row]
     kept = np.isfinite(values) & np.isfinite(topic.time_s)
     time_s, values = topic.time_s[kept], values[kept]
-    if time_s.size > 1:
-        rising = np.concatenate([[True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]])
-        time_s, values = time_s[rising], values[rising]
-    return time_s, values
+    rising = rises(time_s)
+    return time_s[rising], values[rising]
 
 
 def _shared(one: Intervals, other: Intervals) -> Intervals:

@@ -18,7 +18,7 @@ from rotorid.data.display import listed
 from rotorid.data.findings import Finding, refusal, remark, warn
 from rotorid.data.record import LOWEST_RATE_HZ, FlightRecord, TimeHistory, Topic, places, require_record
 from rotorid.errors import InsufficientDataError, UsageError
-from rotorid.typing import FloatArray
+from rotorid.typing import BoolArray, FloatArray
 
 LONGEST_BRIDGED_GAP_S = 0.1
 """Longer holes split the data; shorter ones are interpolated, and both are reported."""
@@ -236,6 +236,17 @@ def _trimmed(
     ]
 
 
+def rises(time_s: FloatArray) -> BoolArray:
+    """Which finite stamps are later than all before them; others repeat or step back.
+
+    Examples
+    --------
+    >>> rises(np.array([0.0, 1.0, 1.0, 0.5, 2.0])).tolist()
+    [True, True, False, False, True]
+    """
+    return np.asarray(time_s > np.concatenate([[-np.inf], np.maximum.accumulate(time_s)[:-1]]))
+
+
 @cached_by_value
 def _ordered(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, list[Finding]]:
     """Samples with finite values and rising stamps, of an angle without its jumps; what was left out is counted.
@@ -251,8 +262,7 @@ def _rising(topic: Topic, row: int, name: str) -> tuple[FloatArray, FloatArray, 
     finite = np.isfinite(values) & np.isfinite(time_s)
     if not finite.all():
         time_s, values = time_s[finite], values[finite]
-    latest = np.maximum.accumulate(time_s)
-    rising = np.concatenate([[True], time_s[1:] > latest[:-1]])
+    rising = rises(time_s)
     if rising.all():
         return time_s, values, []
     dropped = int(np.sum(~rising))

@@ -38,6 +38,7 @@ from rotorid.data.display import capital
 from rotorid.data.record import FlightRecord, Intervals
 from rotorid.signal.airborne import airborne
 from rotorid.signal.autopilot_filters import known_filters
+from rotorid.signal.clock import rises
 from rotorid.signal.limits import POWERED
 from rotorid.signal.motors import motor_limits
 from rotorid.typing import Axis, BoolArray, ComplexArray, FloatArray, IntArray
@@ -279,9 +280,8 @@ def _samples(record: FlightRecord, name: str, flights: Intervals) -> _Samples | 
         kept = np.isfinite(values) & np.isfinite(topic.time_s)
         kept &= np.any([(topic.time_s >= start) & (topic.time_s <= stop) for start, stop in flights], axis=0)
         time_s, values = topic.time_s[kept], values[kept]
-        if time_s.size > 1:
-            rising = np.concatenate([[True], time_s[1:] > np.maximum.accumulate(time_s)[:-1]])
-            time_s, values = time_s[rising], values[rising]
+        rising = rises(time_s)
+        time_s, values = time_s[rising], values[rising]
         if time_s.size > _FEWEST_SAMPLES and (best is None or time_s.size > best.time_s.size):
             best = _Samples(time_s, values, topic.channels[row].source)
     return best
