@@ -190,7 +190,7 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
     """What flew, seven answers, warnings, and what to do next; with ``verbose`` also what was not measured."""
     from rotorid.report.review import headline
     from rotorid.reviewing.baseline import left_out_words
-    from rotorid.reviewing.cards import cards
+    from rotorid.reviewing.cards import cards, interval_words
     from rotorid.reviewing.missing_words import gathered
 
     console = output_console()
@@ -205,7 +205,8 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         # Before all answers: they are about the flight up to here.
         console.print(f"{'look here':<{_WIDTH}}", style=INKS["red"], end=" ")
         plain(finding.message)
-    for card in cards(reviewed):
+    answers = cards(reviewed)
+    for card in answers:
         console.print(f"{card.word:<{_WIDTH}}", style=INKS[card.color], end=" ")
         plain(f"{card.title} {card.headline}{f' {capital(card.measured)}.' if card.measured else ''}")
         # What needs a look brings its remedy, and what is unknown the one thing to do.
@@ -215,6 +216,8 @@ def _print(reviewed: Review, file: Path, map: Path | None = None, *, verbose: bo
         )
         if more:
             plain(f"{'':<{_WIDTH}} {more}")
+    if words := interval_words(answers):
+        plain(words)
     if reviewed.baseline is not None:
         plain("\nsince earlier flights")
         for sentence in (*reviewed.baseline.sentences, *left_out_words(reviewed.baseline, all_of_them=verbose)):

@@ -29,7 +29,7 @@ from rotorid.results.verdicts import LEVEL_OF, Verdict, badge
 from rotorid.results.verdicts import verdict as fit_verdict_of
 from rotorid.reviewing.baseline import left_out_words
 from rotorid.reviewing.card import Card
-from rotorid.reviewing.cards import cards, no_flight, of_bench, without_sweep
+from rotorid.reviewing.cards import cards, interval_words, no_flight, of_bench, without_sweep
 from rotorid.reviewing.filters import filter_files
 from rotorid.reviewing.loops import LOOPS
 from rotorid.reviewing.missing import Unavailable, section
@@ -138,6 +138,11 @@ class Section:
     def sweepless(self) -> bool:
         """Whether its models were identified without any maneuver that was made for it."""
         return without_sweep(self.review)
+
+    @property
+    def intervals(self) -> str:
+        """What the ± of its cards says."""
+        return interval_words([row.card for row in self.cards])
 
     @property
     def pattern(self) -> str:

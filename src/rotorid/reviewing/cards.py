@@ -46,6 +46,18 @@ _POWER = {"battery_voltage", "thrust_command", "thrust_stick", "motor_1"}
 _RATES = {rate: axis for axis, rate in RATE_OF.items()}
 
 
+def interval_words(answers: Sequence[Card]) -> str:
+    """What ± says in cards, which is another thing in tables of models; empty where they state no interval.
+
+    Examples
+    --------
+    >>> interval_words([Card(key="power", title="Enough power?", state="good", headline="Yes.", number="2.0 ± 0.1")])
+    '± and ranges in parentheses are 95 % intervals.'
+    """
+    shown = any("±" in f"{card.number}{card.headline}{card.details}" for card in answers)
+    return "± and ranges in parentheses are 95 % intervals." if shown else ""
+
+
 def cards(review: Review) -> tuple[Card, ...]:
     """What a pilot should know first, in the order in which it matters."""
     found = (
