@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pytest
-from _pytest.doctest import DoctestModule
+from _pytest.doctest import DoctestItem, DoctestModule
 from tests.flights_read_once import ReadOnce, reads_anew
 
 # No test looks as somebody prefers it.
@@ -42,7 +42,14 @@ def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collecto
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put tests that share a browser in a row, then the files with the longest tests, by the table of durations."""
+    """Put tests that share a browser in a row, then the files with the longest tests, by the table of durations.
+
+    What the package offers has its examples where it is defined, and only there the names that they use.
+    """
+    offered = HERE.parent / "src" / "rotorid" / "__init__.py"
+    items[:] = [
+        item for item in items if not (isinstance(item, DoctestItem) and item.path == offered and "." in item.name)
+    ]
     known = json.loads((HERE / "durations.json").read_text(encoding="utf-8"))
     took_s = {HERE.parent / name: seconds for name, seconds in known.items() if seconds > LONG_S}
     items.sort(key=lambda item: (HERE / "browser" not in item.path.parents, -took_s.get(item.path, 0.0)))

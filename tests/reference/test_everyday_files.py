@@ -109,7 +109,7 @@ def test_a_plane_on_the_bench_reads_and_is_advised_what_it_can_follow(unpacked: 
 
 
 def test_sdlog2_is_named_with_the_way_to_convert_it(unpacked: Unpack) -> None:
-    with pytest.raises(LogError, match=r"sdlog2.*sdlog2_dump\.py.*--map") as error:
+    with pytest.raises(LogError, match=r"sdlog2.*sdlog2_dump\.py.*mapping=") as error:
         read(unpacked, "px4_sdlog2.px4log")
     assert error.value.exit_code == 2
 

@@ -373,7 +373,8 @@ def read_results(paths: Sequence[Path]) -> tuple[Entry, ...]:
     if len(files) < 2:
         for file in files:
             read_result(file, read_text(file))
-        raise UsageError(f"only {counted(len(files), 'result')} came", needed="at least two", remedy="add another")
+        came = "only one result was given" if files else "no result was given"
+        raise UsageError(came, needed="at least two", remedy="add another")
     for number, file in enumerate(files):
         if file.resolve() in [other.resolve() for other in files[:number]]:
             raise UsageError(f"{file} was given twice", remedy="give each result once")

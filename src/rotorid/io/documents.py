@@ -224,7 +224,7 @@ def _not_there(path: Path) -> str:
     if not path.parent.is_dir():
         return f"{path.parent} does not exist"
     held = held_documents(path.parent)
-    return f"{path.parent} holds {held}, but no {path.name}" if held else ""
+    return f"{path.parent} contains {held} and no {path.name}" if held else ""
 
 
 def held_documents(folder: Path) -> str:

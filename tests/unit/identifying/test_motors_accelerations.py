@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from tests.unit.identifying.motor_logs import ARM_M, flight
 
+from rotorid.data.record import FlightRecord, Source
 from rotorid.errors import UsageError
 from rotorid.identifying.families import require_choices
 from rotorid.identifying.identification import identify, identify_motors
@@ -57,6 +58,9 @@ def test_what_does_not_go_together_is_refused(options: dict[str, object], came: 
         require_choices("physical.motors", IdentifySettings(**options))  # type: ignore[arg-type]
 
 
+NOTHING = FlightRecord(source=Source(name="nothing.csv", format="CSV", sha256=""), topics=())
+
+
 def test_the_method_is_of_motors_alone() -> None:
     with pytest.raises(UsageError, match="--method accelerations does not apply to"):
-        identify([], "rate.roll", method="accelerations")
+        identify(NOTHING, "rate.roll", method="accelerations")

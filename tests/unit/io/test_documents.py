@@ -25,14 +25,14 @@ def review(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("read", "wanted"),
     [
-        (read_candidate, "no model.toml"),
-        (lambda one: load_results([one]), "no result.json"),
-        (lambda one: read_results([one]), "no result.json"),
+        (read_candidate, "model.toml"),
+        (lambda one: load_results([one]), "result.json"),
+        (lambda one: read_results([one]), "result.json"),
     ],
 )
 def test_a_review_is_no_model(review: Path, read: object, wanted: str) -> None:
     assert callable(read)
-    with pytest.raises(RotoridError, match=rf"rev holds review\.json, but {wanted}; expected a folder"):
+    with pytest.raises(RotoridError, match=rf"rev contains review\.json and no {wanted}; expected a folder"):
         read(review)
 
 
