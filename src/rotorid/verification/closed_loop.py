@@ -121,6 +121,7 @@ class ClosedLoop(Immutable):
         )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a loop that is unstable may leave all numbers behind
 def closed_loop(
     system: StateSpace,
     inputs: FloatArray,

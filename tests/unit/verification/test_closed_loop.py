@@ -106,6 +106,11 @@ def test_an_unstable_airframe_can_be_flown_for_long(flights: dict[Axis, Flight])
     assert tics(flights["roll"], "roll")["v"] < STEP_TIC
 
 
+def test_a_loop_that_leaves_all_numbers_behind_is_as_wrong_as_can_be(flights: dict[Axis, Flight]) -> None:
+    wild = scaled(parts("roll")[2], row=0, column=0, factor=-1e4)
+    assert not tics(flights["roll"], "roll", wild)["p"] < 0.9
+
+
 class TestTheControllerAlone:
     """Whether gains are those that flew shows without any model of the airframe."""
 
