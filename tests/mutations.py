@@ -235,6 +235,12 @@ TABLE = (
         ),
     ),
     *_guards(
+        "uncertainty/colored.py",
+        "uncertainty/test_colored.py",
+        uncertainty__no_process=("\n_AS_SURPRISING = 1.5", "\n_AS_SURPRISING = 1e9"),
+        uncertainty__given_back=("\n_AS_SURPRISING = 1.5", "\n_AS_SURPRISING = 0.9"),
+    ),
+    *_guards(
         "uncertainty/model_error.py",
         "uncertainty/test_model_error.py",
         uncertainty__floor=("LARGEST_MODEL_ERROR = 0.005, 0.3", "LARGEST_MODEL_ERROR = 0.0005, 0.3"),
