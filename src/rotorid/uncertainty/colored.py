@@ -61,7 +61,7 @@ def colored_covariance(parts: Sequence[Part]) -> ColoredCovariance:
 
     A fit takes from the residuals what looks like its parameters, and slow errors look like them most. With P the
     projection on parameters and unknowns, :math:`E[r r^T] = (I - P) \Sigma (I - P)`: what is missing is computed for
-    the autoregression found so far and given back, until it rests; nothing is, where that leaves no process.
+    the autoregression found so far and given back, until it rests. Where no process is left, nothing is given back.
 
     Records of one sample rate share an autoregression; errors that last as long are another one at another rate.
 
