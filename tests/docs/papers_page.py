@@ -143,7 +143,8 @@ class Ran:
         return self.log["figures"][str((self.folder / "figures" / f"{name}.pdf").relative_to(self.root))]
 
     def arrays(self, name: str = "responses.npz") -> Mapping[str, Any]:
-        return np.load(self.folder / name)
+        with np.load(self.folder / name) as file:
+            return dict(file)
 
     @property
     def kinds(self) -> list[str]:
