@@ -339,7 +339,9 @@ def hover_delay(vehicle: str, gain: float, name: str) -> float:
     if name == "r":
         angle_1_s = (angle_1_s[0], angle_1_s[1], 0.0)
     guidance = replace(craft.autopilot.guidance, hold_velocity=False)
-    free = replace(craft, autopilot=replace(craft.autopilot, angle_1_s=angle_1_s, guidance=guidance))
+    # Flights are compared with the set-point that the loop gets: no step may be shaped on its way there.
+    plain = replace(craft.autopilot, angle_1_s=angle_1_s, guidance=guidance, parameters={"ATC_RATE_FF_ENAB": 0.0})
+    free = replace(craft, autopilot=plain)
     size = 0.03
     held = PlannedInput(
         axis="yaw" if name == "r" else "roll",
