@@ -46,24 +46,47 @@ def test_drag_of_table_1_in_one_command(shared_data: Path, tmp_path: Path) -> No
         assert len(alone) > 1
 
 
-@pytest.mark.slow
-def test_whole_flights_are_flown_beside_the_measurement(shared_data: Path, tmp_path: Path) -> None:
-    """With the drag of steady flight, as published; with that of these flights alone, 29 % of the velocities."""
-    flight = identified(shared_data, tmp_path / "f", "--fix", "k_Dx=0.25", "--fix", "k_Dy=0.33")
+@pytest.fixture(scope="module")
+def flown(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An unseen flight beside its simulation, with the drag of steady flight as published.
+
+    With the drag that the fitted flights show by themselves, 29 % of the velocities are explained.
+    """
+    folder = tmp_path_factory.mktemp("flown")
+    flight = identified(shared_data, folder / "f", "--fix", "k_Dx=0.25", "--fix", "k_Dy=0.33")
     log = shared_data / "bebop" / "ident" / f"{UNSEEN}.mat"
     mapping = ("--map", MAPPINGS / "bebop_flight.toml")
-    run("simulate", flight, "--log", log, *mapping, "--tables", "csv", "--out", tmp_path / "flown")
-    flown = json.loads((tmp_path / "flown" / "flown.json").read_text())
-    (one,) = flown["flights"]
-    scores = {name: score["nrmse_fit_percent"] for name, score in one["scores"].items()}
+    run("simulate", flight, "--log", log, *mapping, "--tables", "csv", "--out", folder / "flown")
+    return folder / "flown"
+
+
+def scores_of(flown: Path) -> dict[str, float]:
+    (one,) = json.loads((flown / "flown.json").read_text())["flights"]
+    return {name: score["nrmse_fit_percent"] for name, score in one["scores"].items()}
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="69 %: published drag is that of steady flight; the bar was set with one fitted to the drift of whole flights",
+)
+def test_the_way_north_is_explained(flown: Path) -> None:
+    north = scores_of(flown)["north"]
+    if north < 65.0:
+        pytest.fail(f"beyond what is known: {north}")
+    assert north > 70.0
+
+
+@pytest.mark.slow
+def test_whole_flights_are_flown_beside_the_measurement(flown: Path) -> None:
+    scores = scores_of(flown)
     assert np.mean([scores[name] for name in ("phi", "theta", "velocity_down")]) > 77.5
     assert np.mean([scores[name] for name in ("velocity_north", "velocity_east")]) > 70.0
-    # 69; 70 and more with a drag that was fitted to the drift of whole flights.
-    assert scores["north"] > 65.0
-    with np.load(tmp_path / "flown" / "flown.npz") as signals:
+    with np.load(flown / "flown.npz") as signals:
         lower, upper, simulated = (signals[f"flight_1/{kind}"] for kind in ("lower", "upper", "simulated"))
     assert ((lower <= simulated) & (simulated <= upper)).all()
-    assert (tmp_path / "flown" / "tables" / "flown.csv").read_text().count("\n") == len(scores) + 1
+    assert (flown / "tables" / "flown.csv").read_text().count("\n") == len(scores) + 1
 
 
 @pytest.mark.slow
