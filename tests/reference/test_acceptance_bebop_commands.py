@@ -69,7 +69,7 @@ def scores_of(flown: Path) -> dict[str, float]:
 @pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
-    reason="69 %: published drag is that of steady flight; the bar was set with one fitted to the drift of whole flights",
+    reason="69 %: drag of steady flight; the bar was set with one that was fitted to the drift of whole flights",
 )
 def test_the_way_north_is_explained(flown: Path) -> None:
     north = scores_of(flown)["north"]
